@@ -1,0 +1,54 @@
+"""The whole detector: one frame in, moving objects out. Read this module first."""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy.typing as npt
+import numpy as np
+
+from motion_detect_ros.core.clustering_stage import ClusteringStage
+from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.ego_motion import EgoMotionStage
+from motion_detect_ros.core.optical_flow import OpticalFlowStage
+from motion_detect_ros.core.preprocessing import Preprocessor
+from motion_detect_ros.core.types import CameraModel, Result, StageTimes
+
+
+class MotionPipeline:
+    """Preprocessing, ego-motion, optical flow and ART2 clustering, in that order, on one frame at a time.
+
+    The stage objects are the same ones the ROS nodes run, so online and offline give the same answer.
+    """
+
+    def __init__(self, config: PipelineConfig | None = None, camera: CameraModel | None = None) -> None:
+        self.config = config or PipelineConfig()
+        self._preprocessor = Preprocessor(self.config.preprocessing)
+        self._ego_motion = EgoMotionStage(self.config, camera)
+        self._optical_flow = OpticalFlowStage(self.config)
+        self._clustering = ClusteringStage(self.config, camera)
+
+    def process(self, image: npt.NDArray[np.uint8], stamp_ns: int) -> Result:
+        """Detect what moves by itself in ``image``.
+
+        image: (H, W) or (H, W, 3) uint8, grey or BGR; stamp_ns: time of exposure, nanoseconds.
+        Raises: FrameError for an image that cannot be processed; the state is as before the call then.
+        """
+        start = perf_counter()
+        frame = self._preprocessor.process(image, stamp_ns)
+        prepared = perf_counter()
+        ego = self._ego_motion.process(frame)
+        stabilised = perf_counter()
+        flow = self._optical_flow.process(frame, ego)
+        flowed = perf_counter()
+        detections = self._clustering.process(frame, flow, ego)
+        done = perf_counter()
+        return Result(stamp_ns, ego, flow, detections, StageTimes(
+            1e3 * (prepared - start), 1e3 * (stabilised - prepared),
+            1e3 * (flowed - stabilised), 1e3 * (done - flowed)))
+
+    def reset(self) -> None:
+        """Forget every earlier frame, cluster and track; ids go on counting, none is used twice."""
+        self._ego_motion.reset()
+        self._optical_flow.reset()
+        self._clustering.reset()

@@ -1,0 +1,167 @@
+"""The data that stages hand to each other. Pixels are full-resolution image pixels unless said otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float32]
+DoubleArray = npt.NDArray[np.float64]
+ByteArray = npt.NDArray[np.uint8]
+BoolArray = npt.NDArray[np.bool_]
+RecordArray = npt.NDArray[np.void]
+
+NANOSECONDS = 1_000_000_000
+
+#: One detected object; the same fields, in this order, travel in the ``detections`` topic.
+DETECTION_DTYPE = np.dtype([
+    ('u', '<f4'), ('v', '<f4'),                      # box centre, pixels
+    ('width', '<f4'), ('height', '<f4'),             # pixels
+    ('vel_u', '<f4'), ('vel_v', '<f4'),              # pixels/s, ego-motion removed
+    ('var_u', '<f4'), ('var_v', '<f4'),              # variance of the velocity, (pixels/s)^2
+    ('score', '<f4'),                                # 0..1
+    ('ttc', '<f4'),                                  # s; +inf not approaching, NaN unknown
+    ('bearing_x', '<f4'), ('bearing_y', '<f4'), ('bearing_z', '<f4'),  # unit ray, optical frame; NaN uncalibrated
+    ('id', '<u4'),                                   # confirmed track, never reused in a run
+    ('age', '<u4'),                                  # frames since the track was first seen
+    ('area', '<f4'),                                 # pixels of the object's mask
+    ('cluster', '<u4'),                              # ART2 neuron that the object's vectors fell into
+])
+
+#: One box of ground truth: ``moving`` is 1 moves, 0 stands still, -1 counts neither way.
+TRUTH_DTYPE = np.dtype([
+    ('frame', '<i4'), ('id', '<i4'),
+    ('x', '<f4'), ('y', '<f4'), ('w', '<f4'), ('h', '<f4'),  # top left corner and size, pixels
+    ('moving', '<i1'),
+])
+
+
+class EgoStatus(IntEnum):
+    """How far an ego-motion estimate can be trusted. Anything but OK comes with an identity matrix."""
+
+    OK = 0
+    FIRST_FRAME = 1
+    LOW_TEXTURE = 2
+    DEGENERATE = 3
+    OUTLIER_GATED = 4
+    TIME_JUMP = 5
+    SIZE_CHANGE = 6
+
+
+class MotionModel(IntEnum):
+    """Which family of warps the ego-motion matrix comes from."""
+
+    TRANSLATION = 0
+    SIMILARITY = 1
+    AFFINE = 2
+    HOMOGRAPHY = 3
+    QUADRATIC = 4
+
+
+@dataclass(frozen=True)
+class CameraModel:
+    """A pinhole camera: focal lengths and principal point in pixels of a ``width`` x ``height`` image."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+
+@dataclass(frozen=True)
+class PreparedFrame:
+    """A frame after preprocessing.
+
+    ``gray``: (h, w) uint8 at the working resolution; ``scale`` = working / full resolution;
+    ``width, height``: full resolution, pixels; ``stamp_ns``: time of the source, nanoseconds.
+    """
+
+    gray: ByteArray
+    scale: float
+    width: int
+    height: int
+    stamp_ns: int
+
+
+@dataclass(frozen=True)
+class EgoMotion:
+    """Motion of the background between two frames.
+
+    ``matrix``: (3, 3) float64, maps previous pixel -> current pixel (full resolution).
+    ``covariance``: (6, 6) float64 of the affine parameters (a0 .. a5), see ``core.kalman``.
+    ``residual_px``: median distance of the inliers to the model.
+    """
+
+    matrix: DoubleArray
+    covariance: DoubleArray
+    status: EgoStatus
+    stamp_ns: int
+    prev_stamp_ns: int
+    inliers: int = 0
+    tracks: int = 0
+    residual_px: float = float('nan')
+    model: MotionModel = MotionModel.AFFINE
+
+    @property
+    def dt_s(self) -> float:
+        """Time between the two frames, seconds (0 on a first frame)."""
+        return (self.stamp_ns - self.prev_stamp_ns) / NANOSECONDS
+
+    @property
+    def ok(self) -> bool:
+        """True where ``matrix`` is an estimate."""
+        return self.status == EgoStatus.OK
+
+
+@dataclass(frozen=True)
+class FlowField:
+    """Dense optical flow on a grid.
+
+    ``flow``: (gh, gw, 2) float32, total displacement (dx, dy) in full-resolution pixels from the earlier
+    frame to the frame of ``stamp_ns``, sampled on the later frame's grid; NaN = invalid.
+    Grid cell (r, c) covers full-resolution pixels [c*sx, (c+1)*sx) x [r*sy, (r+1)*sy), sx = width / gw, sy = height / gh.
+    """
+
+    flow: FloatArray
+    width: int
+    height: int
+    stamp_ns: int
+
+
+@dataclass(frozen=True)
+class StageTimes:
+    """Compute time of each stage for one frame, milliseconds."""
+
+    preprocessing: float = 0.0
+    ego_motion: float = 0.0
+    optical_flow: float = 0.0
+    clustering: float = 0.0
+
+    @property
+    def total(self) -> float:
+        """Sum of the stages, milliseconds."""
+        return self.preprocessing + self.ego_motion + self.optical_flow + self.clustering
+
+
+@dataclass(frozen=True)
+class Result:
+    """What ``MotionPipeline.process`` gives for one frame; ``detections`` has dtype ``DETECTION_DTYPE``."""
+
+    stamp_ns: int
+    ego: EgoMotion
+    flow: FlowField
+    detections: RecordArray
+    times_ms: StageTimes = field(default_factory=StageTimes)
+
+
+def empty_detections(count: int = 0) -> RecordArray:
+    """``count`` detections of dtype ``DETECTION_DTYPE``, zero filled, time to contact and bearing unknown (NaN)."""
+    records = np.zeros(count, DETECTION_DTYPE)
+    for name in ('ttc', 'bearing_x', 'bearing_y', 'bearing_z'):
+        records[name] = np.nan
+    return records
