@@ -34,7 +34,7 @@ DETECTION_DTYPE = np.dtype([
 #: One box of ground truth: ``moving`` is 1 moves, 0 stands still, -1 counts neither way.
 TRUTH_DTYPE = np.dtype([
     ('frame', '<i4'), ('id', '<i4'),
-    ('x', '<f4'), ('y', '<f4'), ('w', '<f4'), ('h', '<f4'),  # top left corner and size, pixels
+    ('x', '<f8'), ('y', '<f8'), ('w', '<f8'), ('h', '<f8'),  # top left corner and size, pixels
     ('moving', '<i1'),
 ])
 
