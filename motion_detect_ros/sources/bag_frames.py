@@ -1,0 +1,109 @@
+"""The pictures of a bag as a frame source."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from motion_detect_ros.core.errors import MessageError, MotionDetectError, SourceError
+from motion_detect_ros.core.types import ByteArray, CameraModel
+from motion_detect_ros.sources import messages
+from motion_detect_ros.sources.bag_reader import BagReader
+from motion_detect_ros.sources.encoding import decode
+from motion_detect_ros.sources.frames import SourceFrame
+from motion_detect_ros.sources.images import decode_image
+from motion_detect_ros.sources.raw import RawMessage, TopicInfo
+
+IMAGE_TYPES = (messages.IMAGE, messages.COMPRESSED_IMAGE)
+_COMPRESSED = '/compressed'
+
+
+class BagFrames:
+    """One image topic (Image or CompressedImage) of a bag; stamps are those of the headers."""
+
+    def __init__(self, path: str | Path, topic: str | None = None) -> None:
+        """topic: with or without the leading slash; None where the bag has only one.
+
+        Raises: SourceError for an empty bag, and for a wrong topic with a list of the image topics.
+        """
+        self._reader = BagReader(path)
+        self.path = Path(path)
+        self.name = self.path.resolve().stem
+        self.topic = _choose_topic(self.path, self._reader.topics, topic)
+        self.camera = self._read_camera()
+        self.bad_frames = 0
+
+    @property
+    def frame_count(self) -> int:
+        """Recorded messages of the topic, readable or not."""
+        return self.topic.count
+
+    @property
+    def damaged(self) -> str | None:
+        """As of the bag."""
+        return self._reader.damaged
+
+    def __iter__(self) -> Iterator[SourceFrame]:
+        """Frames in order; a malformed message costs itself only and is counted in ``bad_frames``."""
+        self.bad_frames = 0
+        for index, message in enumerate(self._reader.messages([self.topic.name])):
+            try:
+                image, stamp_ns = decode_message(message)
+            except MotionDetectError:
+                self.bad_frames += 1
+                continue
+            yield SourceFrame(index, image, stamp_ns)
+
+    def _read_camera(self) -> CameraModel | None:
+        """From the first CameraInfo beside the image topic, or from the only one in the bag."""
+        infos = [topic.name for topic in self._reader.topics if topic.msgtype == messages.CAMERA_INFO and topic.count]
+        beside = self.topic.name.removesuffix(_COMPRESSED).rpartition('/')[0] + '/camera_info'
+        named = [name for name in infos if '/' + name.lstrip('/') == '/' + beside.lstrip('/')] or infos
+        if len(named) != 1:
+            return None
+        for message in self._reader.messages(named):
+            try:
+                return messages.camera_model(messages.deserialize(message.data, messages.CAMERA_INFO))
+            except MessageError:
+                continue
+        return None
+
+
+def decode_message(message: RawMessage) -> tuple[ByteArray, int]:
+    """Picture, (H, W) grey or (H, W, 3) BGR uint8, and header stamp (ns) of an Image or CompressedImage.
+
+    Raises: MessageError, SourceError where it holds no picture.
+    """
+    content = messages.deserialize(message.data, message.msgtype)
+    if message.msgtype == messages.COMPRESSED_IMAGE:
+        image = decode_image(content.data.tobytes(), message.topic)
+    else:
+        image = decode(content.height, content.width, content.encoding, bool(content.is_bigendian),
+                       content.step, content.data)
+    return image, messages.stamp_of(content)
+
+
+def _choose_topic(path: Path, topics: tuple[TopicInfo, ...], wanted: str | None) -> TopicInfo:
+    images = [topic for topic in topics if topic.msgtype in IMAGE_TYPES]
+    listed = ', '.join(f'{topic.name} ({topic.count})' for topic in images) or 'none'
+    if not sum(topic.count for topic in topics):
+        raise SourceError(f'{path}: the bag is empty (0 messages in {len(topics)} topics)')
+    if wanted is not None:
+        chosen = [topic for topic in images if topic.name.lstrip('/') == wanted.lstrip('/')]
+        if not chosen:
+            raise SourceError(f'{path}: no image topic {wanted!r}; image topics (messages): {listed}')
+        return _with_messages(path, chosen[0])
+    candidates = [topic for topic in images if topic.count]
+    names = {topic.name for topic in candidates}
+    # The same pictures twice, raw and compressed: the raw ones need no decoding.
+    distinct = [topic for topic in candidates if topic.name.removesuffix(_COMPRESSED) not in names - {topic.name}]
+    if len(distinct) != 1:
+        problem = 'several image topics, choose one with --topic' if distinct else 'no image topic with messages'
+        raise SourceError(f'{path}: {problem}; image topics (messages): {listed}')
+    return distinct[0]
+
+
+def _with_messages(path: Path, topic: TopicInfo) -> TopicInfo:
+    if not topic.count:
+        raise SourceError(f'{path}: topic {topic.name} is empty (0 messages)')
+    return topic

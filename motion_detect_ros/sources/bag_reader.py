@@ -1,0 +1,131 @@
+"""Read bags: an MCAP or db3 file, or the folder that ``ros2 bag record`` makes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import yaml
+
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.sources.frames import describe_folder
+from motion_detect_ros.sources.images import natural_key
+from motion_detect_ros.sources.mcap_file import MAGIC as MCAP_MAGIC
+from motion_detect_ros.sources.mcap_file import McapFile
+from motion_detect_ros.sources.raw import BagStorage, RawMessage, TopicInfo
+from motion_detect_ros.sources.rosbag_storage import SQLITE_MAGIC, RosbagStorage
+
+METADATA_NAME = 'metadata.yaml'
+_SUFFIXES = ('.mcap', '.db3')
+
+
+def is_bag(path: Path) -> bool:
+    """True for what looks like a bag by its content (or, where damaged or empty, by its name)."""
+    if path.is_dir():
+        return (path / METADATA_NAME).is_file() or bool(_storage_files(path))
+    return path.suffix in _SUFFIXES or _magic(path).startswith((MCAP_MAGIC, SQLITE_MAGIC))
+
+
+class BagReader:
+    """The messages of a bag, in order of time.
+
+    A bag of several files is read file after file. Damage costs what is damaged: an MCAP file that was cut off
+    gives every intact chunk and ``damaged`` says what is missing.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        """Raises: SourceError where the path is missing or no bag."""
+        self.path = Path(path)
+        self._parts = _open_parts(self.path)
+
+    @property
+    def topics(self) -> tuple[TopicInfo, ...]:
+        """All topics with their type and count, in the order they were recorded first."""
+        merged: dict[str, TopicInfo] = {}
+        for part in self._parts:
+            for topic in part.topics:
+                earlier = merged.get(topic.name)
+                count = topic.count + (earlier.count if earlier else 0)
+                merged[topic.name] = TopicInfo(topic.name, topic.msgtype, count)
+        return tuple(merged.values())
+
+    @property
+    def damaged(self) -> str | None:
+        """What is wrong with the bag, None for nothing known so far (a bad chunk shows only once it is read)."""
+        faults = [part.damaged for part in self._parts if part.damaged]
+        return '; '.join(faults) or None
+
+    def messages(self, topics: Iterable[str] | None = None) -> Iterator[RawMessage]:
+        """Messages of the named topics (names as recorded; None = all)."""
+        wanted = None if topics is None else frozenset(topics)
+        for part in self._parts:
+            yield from part.messages(wanted)
+
+    def close(self) -> None:
+        """Close all files."""
+        for part in self._parts:
+            part.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _open_parts(path: Path) -> list[BagStorage]:
+    if path.is_file():
+        return [_open_file(path)]
+    if not path.is_dir():
+        raise SourceError(f'{path}: no such bag')
+    if _is_compressed(path):
+        return [RosbagStorage(path)]
+    files = _listed_files(path) or _storage_files(path)
+    if not files:
+        raise SourceError(f'{path}: found {describe_folder(path)}; expected a bag (metadata.yaml, *.mcap, *.db3)')
+    return [_open_file(file) for file in files]
+
+
+def _open_file(path: Path) -> BagStorage:
+    magic = _magic(path)
+    if magic.startswith(MCAP_MAGIC):
+        return McapFile(path)
+    if magic.startswith(SQLITE_MAGIC) and path.suffix == '.db3':
+        return RosbagStorage(path)
+    size = path.stat().st_size
+    raise SourceError(f'{path}: {size} bytes that are no bag; expected an MCAP file or a db3 file of ros2 bag')
+
+
+def _magic(path: Path) -> bytes:
+    with path.open('rb') as stream:
+        return stream.read(len(SQLITE_MAGIC))
+
+
+def _storage_files(folder: Path) -> list[Path]:
+    files = [file for file in folder.iterdir() if file.suffix in _SUFFIXES]
+    return sorted(files, key=lambda file: natural_key(file.name))
+
+
+def _listed_files(folder: Path) -> list[Path]:
+    """The files that metadata.yaml names and that exist, in its order."""
+    listed = _metadata(folder).get('relative_file_paths') or []
+    return [folder / Path(name).name for name in listed if (folder / Path(name).name).is_file()]
+
+
+def _is_compressed(folder: Path) -> bool:
+    """True where ros2 bag compressed messages or files itself: only rosbags knows how to undo that."""
+    return bool(_metadata(folder).get('compression_mode'))
+
+
+def _metadata(folder: Path) -> dict[str, Any]:
+    """The bag's own description, empty where it is missing or damaged (the recording was cut off)."""
+    try:
+        content = yaml.safe_load((folder / METADATA_NAME).read_text(encoding='utf-8'))
+        information = content['rosbag2_bagfile_information']
+    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError):
+        return {}
+    return information if isinstance(information, dict) else {}

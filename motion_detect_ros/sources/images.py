@@ -1,0 +1,96 @@
+"""Folders of pictures: one file a frame, in the natural order of their names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.core.types import NANOSECONDS, ByteArray, CameraModel
+from motion_detect_ros.sources.frames import SourceFrame, describe_folder
+
+IMAGE_SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.bmp', '.tif', '.tiff', '.webp', '.ppm', '.pgm'})
+
+_JPEG_START, _JPEG_END = b'\xff\xd8', b'\xff\xd9'
+#: Cameras pad JPEG files; the end marker is looked for in this many last bytes.
+_JPEG_TAIL_BYTES = 1024
+
+
+def decode_image(data: bytes, what: str) -> ByteArray:
+    """Decode an image file held in memory to (H, W) grey or (H, W, 3) BGR, uint8.
+
+    what: name for the message. Raises: SourceError where the bytes are no complete picture.
+    """
+    if data[:2] == _JPEG_START and _JPEG_END not in data[-_JPEG_TAIL_BYTES:]:
+        # OpenCV would fill the missing rows with grey and call it a picture.
+        raise SourceError(f'{what}: JPEG is cut off after {len(data)} bytes')
+    flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    if image is None:
+        raise SourceError(f'{what}: {len(data)} bytes that are no picture')
+    return image.astype(np.uint8, copy=False)
+
+
+def image_files(folder: Path) -> list[Path]:
+    """The picture files of a folder (not of its sub-folders), ``2.png`` before ``10.png``."""
+    files = [file for file in folder.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES and file.is_file()]
+    return sorted(files, key=lambda file: natural_key(file.name))
+
+
+def natural_key(name: str) -> tuple[tuple[int, str], ...]:
+    """Sort key that compares runs of digits as numbers."""
+    parts = re.split(r'(\d+)', name)
+    return tuple((int(part), '') if part.isdigit() else (-1, part) for part in parts)
+
+
+def even_stamps(count: int, fps: float) -> list[int]:
+    """``count`` stamps at ``fps`` frames/s from 0, ns; rounded one by one so that no error adds up."""
+    return [round(index * NANOSECONDS / fps) for index in range(count)]
+
+
+class ImageSequence:
+    """Picture files with a stamp each, as a frame source."""
+
+    damaged: str | None = None
+
+    def __init__(
+        self, files: Sequence[Path], stamps_ns: Sequence[int], name: str, camera: CameraModel | None = None,
+    ) -> None:
+        """files, stamps_ns: one stamp (ns) a file, in order of time. Raises: SourceError for unequal lengths."""
+        if len(files) != len(stamps_ns):
+            raise SourceError(f'{name}: {len(files)} pictures but {len(stamps_ns)} time stamps')
+        self.files = tuple(files)
+        self.stamps_ns = tuple(stamps_ns)
+        self.name = name
+        self.camera = camera
+        self.bad_frames = 0
+
+    @property
+    def frame_count(self) -> int:
+        """Number of files."""
+        return len(self.files)
+
+    def __iter__(self) -> Iterator[SourceFrame]:
+        """Frames in order; an unreadable file costs itself only and is counted in ``bad_frames``."""
+        self.bad_frames = 0
+        for index, (file, stamp_ns) in enumerate(zip(self.files, self.stamps_ns, strict=True)):
+            try:
+                image = decode_image(file.read_bytes(), str(file))
+            except (SourceError, OSError):
+                self.bad_frames += 1
+                continue
+            yield SourceFrame(index, image, stamp_ns)
+
+
+def image_folder(folder: Path, fps: float) -> ImageSequence:
+    """The pictures of a folder at ``fps`` frames/s, the first at stamp 0. Raises: SourceError for no pictures."""
+    if not folder.is_dir():
+        raise SourceError(f'{folder}: no such folder')
+    files = image_files(folder)
+    if not files:
+        raise SourceError(f'{folder}: found {describe_folder(folder)}; expected picture files (.jpg, .png, ...)')
+    return ImageSequence(files, even_stamps(len(files), fps), folder.resolve().name)

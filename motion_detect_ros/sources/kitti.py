@@ -1,0 +1,173 @@
+"""KITTI raw drives: rectified pictures of the left colour camera, their stamps, calibration, inertial data.
+
+Source: Geiger, Lenz, Stiller, Urtasun, "Vision meets Robotics: The KITTI Dataset", IJRR 2013; folder layout and
+field meanings from the raw data development kit.
+"""
+
+from __future__ import annotations
+
+import calendar
+import math
+import re
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.core.types import NANOSECONDS, CameraModel, DoubleArray
+from motion_detect_ros.sources.frames import SourceFrame, describe_folder
+from motion_detect_ros.sources.images import ImageSequence, image_files
+
+IMAGE_FOLDER = 'image_02'
+CALIBRATION_NAME = 'calib_cam_to_cam.txt'
+LAYOUT = 'image_02/data/*.png or *.jpg, image_02/timestamps.txt, oxts/, and calib_cam_to_cam.txt beside the drive'
+
+_STAMP_PATTERN = re.compile(r'(\d{4}-\d\d-\d\d \d\d:\d\d:\d\d)(?:\.(\d{1,9}))?$')
+_OXTS_COLUMNS = 30
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """``camera``: the rectified pinhole; ``projection``: (3, 4) float64, P_rect_02 as published."""
+
+    camera: CameraModel
+    projection: DoubleArray
+
+
+@dataclass(frozen=True)
+class OxtsSample:
+    """One packet of the GPS/IMU unit; body axes x forward, y left, z up.
+
+    Angles rad (yaw 0 = east, counter-clockwise), acceleration m/s^2, angular velocity rad/s, position degrees and m.
+    """
+
+    stamp_ns: int
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+    roll: float
+    pitch: float
+    yaw: float
+    acceleration: tuple[float, float, float]
+    angular_velocity: tuple[float, float, float]
+    position_accuracy_m: float
+
+    @property
+    def quaternion(self) -> tuple[float, float, float, float]:
+        """(x, y, z, w) of R = Rz(yaw) Ry(pitch) Rx(roll), body to east-north-up, as the development kit has it."""
+        sr, cr = math.sin(self.roll / 2), math.cos(self.roll / 2)
+        sp, cp = math.sin(self.pitch / 2), math.cos(self.pitch / 2)
+        sy, cy = math.sin(self.yaw / 2), math.cos(self.yaw / 2)
+        return (sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy,
+                cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy)
+
+
+class KittiDrive:
+    """A raw drive as a frame source; stamps are those of image_02, UTC, ns."""
+
+    damaged: str | None = None
+    calibration: Calibration | None
+
+    def __init__(self, drive: str | Path) -> None:
+        """Raises: SourceError where the folder is not laid out as a raw drive."""
+        self.path = Path(drive)
+        if not is_kitti_drive(self.path):
+            found = describe_folder(self.path) if self.path.is_dir() else 'no such folder'
+            raise SourceError(f'{self.path}: found {found}; expected a KITTI raw drive: {LAYOUT}')
+        files = image_files(self.path / IMAGE_FOLDER / 'data')
+        if not files:
+            raise SourceError(f'{self.path}: no pictures in {IMAGE_FOLDER}/data; expected {LAYOUT}')
+        stamps = read_stamps(self.path / IMAGE_FOLDER / 'timestamps.txt')
+        calibration_path = self.path.parent / CALIBRATION_NAME
+        self.calibration = read_calibration(calibration_path) if calibration_path.is_file() else None
+        self.camera = self.calibration.camera if self.calibration else None
+        self.name = self.path.resolve().name
+        self.images = ImageSequence(files, [_stamp_of(file, stamps) for file in files], self.name, self.camera)
+
+    @property
+    def frame_count(self) -> int:
+        """Number of pictures."""
+        return self.images.frame_count
+
+    @property
+    def bad_frames(self) -> int:
+        """Unreadable pictures met in the last iteration."""
+        return self.images.bad_frames
+
+    def __iter__(self) -> Iterator[SourceFrame]:
+        """Frames in order."""
+        return iter(self.images)
+
+    def oxts(self) -> list[OxtsSample]:
+        """The inertial data in order, empty where the drive has none. Raises: SourceError for a malformed file."""
+        folder = self.path / 'oxts'
+        if not (folder / 'timestamps.txt').is_file():
+            return []
+        stamps = read_stamps(folder / 'timestamps.txt')
+        return [read_oxts(file, _stamp_of(file, stamps)) for file in sorted((folder / 'data').glob('*.txt'))]
+
+
+def is_kitti_drive(folder: Path) -> bool:
+    """True where ``image_02/data`` is inside."""
+    return (folder / IMAGE_FOLDER / 'data').is_dir()
+
+
+def parse_stamp(text: str) -> int:
+    """``2011-09-26 13:02:44.323092481`` (UTC) as exact ns since 1970. Raises: SourceError for another form."""
+    match = _STAMP_PATTERN.match(text.strip())
+    if match is None:
+        raise SourceError(f'time stamp: expected YYYY-MM-DD HH:MM:SS.nnnnnnnnn, got {text.strip()!r}')
+    try:
+        seconds = calendar.timegm(time.strptime(match[1], '%Y-%m-%d %H:%M:%S'))
+    except ValueError:
+        raise SourceError(f'time stamp: no such date or time: {text.strip()!r}') from None
+    return seconds * NANOSECONDS + int((match[2] or '0').ljust(9, '0'))
+
+
+def read_stamps(path: Path) -> list[int]:
+    """The stamps of a timestamps.txt, ns, one a line. Raises: SourceError."""
+    try:
+        return [parse_stamp(line) for line in path.read_text(encoding='ascii').splitlines() if line.strip()]
+    except (OSError, UnicodeDecodeError) as error:
+        raise SourceError(f'{path}: expected a list of time stamps: {error}') from None
+    except SourceError as error:
+        raise SourceError(f'{path}: {error}') from None
+
+
+def read_calibration(path: Path) -> Calibration:
+    """P_rect_02 and S_rect_02 of a calib_cam_to_cam.txt. Raises: SourceError where they are missing."""
+    lines = dict(line.split(':', 1) for line in path.read_text(encoding='ascii').splitlines() if ':' in line)
+    try:
+        width, height = (int(float(value)) for value in lines['S_rect_02'].split())
+        projection = np.array(lines['P_rect_02'].split(), np.float64).reshape(3, 4)
+    except (KeyError, ValueError) as error:
+        raise SourceError(f'{path}: expected S_rect_02 (2 numbers) and P_rect_02 (12 numbers): {error}') from None
+    camera = CameraModel(width, height, float(projection[0, 0]), float(projection[1, 1]),
+                         float(projection[0, 2]), float(projection[1, 2]))
+    return Calibration(camera, projection)
+
+
+def read_oxts(path: Path, stamp_ns: int) -> OxtsSample:
+    """One packet of oxts/data. Raises: SourceError for another number of columns."""
+    try:
+        values = [float(value) for value in path.read_text(encoding='ascii').split()]
+    except ValueError:
+        values = []
+    if len(values) != _OXTS_COLUMNS:
+        raise SourceError(f'{path}: expected {_OXTS_COLUMNS} numbers, got {len(values)}')
+    latitude, longitude, altitude, roll, pitch, yaw = values[:6]
+    return OxtsSample(
+        stamp_ns, latitude, longitude, altitude, roll, pitch, yaw, (values[11], values[12], values[13]),
+        (values[17], values[18], values[19]), values[23])
+
+
+def _stamp_of(file: Path, stamps: list[int]) -> int:
+    """The stamp that belongs to a file by its number: line 1 is ``0000000000``."""
+    if not file.stem.isdigit():
+        raise SourceError(f'{file}: expected a file named by its number, such as 0000000000{file.suffix}')
+    if int(file.stem) >= len(stamps):
+        raise SourceError(f'{file}: timestamps.txt has {len(stamps)} lines, none for this file')
+    return stamps[int(file.stem)]

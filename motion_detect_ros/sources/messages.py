@@ -1,0 +1,145 @@
+"""ROS messages without a ROS installation: rosbags' Jazzy type store builds, writes and reads their CDR bytes."""
+
+from __future__ import annotations
+
+import struct
+from functools import cache
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
+
+from motion_detect_ros.core.errors import MessageError
+from motion_detect_ros.core.types import NANOSECONDS, ByteArray, CameraModel, DoubleArray, RecordArray
+
+IMAGE = 'sensor_msgs/msg/Image'
+COMPRESSED_IMAGE = 'sensor_msgs/msg/CompressedImage'
+CAMERA_INFO = 'sensor_msgs/msg/CameraInfo'
+IMU = 'sensor_msgs/msg/Imu'
+NAV_SAT_FIX = 'sensor_msgs/msg/NavSatFix'
+POINT_CLOUD = 'sensor_msgs/msg/PointCloud2'
+
+#: What rosbags raises on bytes that are not the message they claim to be.
+_DECODE_ERRORS = (SerdeError, struct.error, ValueError, IndexError, TypeError, AssertionError, MemoryError)
+
+#: sensor_msgs/PointField datatype of each numpy type a record may have.
+_POINT_FIELD_TYPES = {'i1': 1, 'u1': 2, 'i2': 3, 'u2': 4, 'i4': 5, 'u4': 6, 'f4': 7, 'f8': 8}
+
+
+@cache
+def typestore() -> Typestore:
+    """The message definitions of ROS 2 Jazzy."""
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def make(msgtype: str, **fields: Any) -> Any:
+    """A message of ``msgtype``; fields not given are zero, empty or zero-filled, as in a new ROS message."""
+    values = {name: fields.pop(name) if name in fields else _zero(node)
+              for name, node in typestore().fielddefs[msgtype][1]}
+    if fields:
+        raise MessageError(f'{msgtype} has no field {", ".join(sorted(fields))}')
+    return typestore().types[msgtype](**values)
+
+
+def serialize(message: Any) -> bytes:
+    """CDR bytes (little endian) of a message made by ``make`` or ``deserialize``."""
+    return bytes(typestore().serialize_cdr(message, message.__msgtype__))
+
+
+def deserialize(data: bytes, msgtype: str) -> Any:
+    """The message in CDR bytes. Raises: MessageError where they do not hold one of ``msgtype``."""
+    try:
+        return typestore().deserialize_cdr(data, msgtype)
+    except _DECODE_ERRORS as error:
+        raise MessageError(f'{len(data)} bytes are no {msgtype}: {error}') from None
+
+
+def message_definition(msgtype: str) -> str:
+    """The text of a message type and of all it contains, as MCAP schemas (``ros2msg``) hold it."""
+    return typestore().generate_msgdef(msgtype, ros_version=2)[0]
+
+
+def header(stamp_ns: int, frame_id: str) -> Any:
+    """std_msgs/Header; stamp in nanoseconds."""
+    seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
+    stamp = make('builtin_interfaces/msg/Time', sec=seconds, nanosec=nanoseconds)
+    return make('std_msgs/msg/Header', stamp=stamp, frame_id=frame_id)
+
+
+def stamp_of(message: Any) -> int:
+    """Header stamp of a message, ns."""
+    return int(message.header.stamp.sec) * NANOSECONDS + int(message.header.stamp.nanosec)
+
+
+def image(pixels: ByteArray, stamp_ns: int, frame_id: str) -> Any:
+    """sensor_msgs/Image of (H, W) mono8 or (H, W, 3) bgr8 pixels."""
+    height, width = pixels.shape[:2]
+    return make(
+        IMAGE, header=header(stamp_ns, frame_id), height=height, width=width,
+        encoding='mono8' if pixels.ndim == 2 else 'bgr8', step=pixels.nbytes // height,
+        data=np.ascontiguousarray(pixels).reshape(-1))
+
+
+def compressed_image(data: bytes, image_format: str, stamp_ns: int, frame_id: str) -> Any:
+    """sensor_msgs/CompressedImage around the bytes of a picture file; image_format: ``jpeg`` or ``png``."""
+    return make(
+        COMPRESSED_IMAGE, header=header(stamp_ns, frame_id), format=image_format, data=np.frombuffer(data, np.uint8))
+
+
+def camera_info(
+    camera: CameraModel, stamp_ns: int, frame_id: str, projection: DoubleArray | None = None,
+) -> Any:
+    """sensor_msgs/CameraInfo of an image without distortion.
+
+    projection: (3, 4) float64, where it holds more than the camera matrix (offset to a reference camera).
+    A camera with focal length 0 is uncalibrated: the message then says so with K = 0, as its definition asks.
+    """
+    matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]], np.float64)
+    if not camera.fx:
+        matrix[:] = 0
+    if projection is None:
+        projection = np.hstack([matrix, np.zeros((3, 1))])
+    return make(
+        CAMERA_INFO, header=header(stamp_ns, frame_id), height=camera.height, width=camera.width,
+        distortion_model='plumb_bob', d=np.zeros(5), k=matrix.reshape(-1), r=np.eye(3).reshape(-1),
+        p=np.asarray(projection, np.float64).reshape(-1))
+
+
+def camera_model(info: Any) -> CameraModel | None:
+    """The pinhole camera of a CameraInfo message, None where it is uncalibrated (K[0] = 0)."""
+    k = info.k
+    if not k[0]:
+        return None
+    return CameraModel(int(info.width), int(info.height), float(k[0]), float(k[4]), float(k[2]), float(k[5]))
+
+
+def point_cloud(records: RecordArray, stamp_ns: int, frame_id: str) -> Any:
+    """sensor_msgs/PointCloud2 whose fields are those of a (N,) structured array, in its order and layout."""
+    fields = [make('sensor_msgs/msg/PointField', name=name, offset=offset, count=1,
+                   datatype=_POINT_FIELD_TYPES[kind.str[1:]])
+              for name, (kind, offset) in _layout(records.dtype)]
+    size = records.dtype.itemsize
+    return make(
+        POINT_CLOUD, header=header(stamp_ns, frame_id), height=1, width=len(records), fields=fields,
+        point_step=size, row_step=size * len(records), is_dense=True,
+        data=np.frombuffer(records.tobytes(), np.uint8))
+
+
+def _layout(dtype: np.dtype[Any]) -> list[tuple[str, tuple[np.dtype[Any], int]]]:
+    return [(name, (entry[0], entry[1])) for name, entry in (dtype.fields or {}).items()]
+
+
+def _zero(node: Any) -> Any:
+    """The value a new ROS message has in a field of rosbags' type description ``node``."""
+    kind, detail = node
+    if kind == Nodetype.NAME:
+        return make(detail)
+    if kind == Nodetype.BASE:
+        return {'string': '', 'bool': False}.get(detail[0], 0.0 if detail[0].startswith('float') else 0)
+    (element_kind, element), length = detail
+    if element_kind == Nodetype.BASE and element[0] != 'string':
+        return np.zeros(length if kind == Nodetype.ARRAY else 0, element[0])
+    return [_zero((element_kind, element)) for _ in range(length if kind == Nodetype.ARRAY else 0)]

@@ -1,0 +1,44 @@
+"""What a bag holds, before anything is decoded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """One topic of a bag: its name, ROS type (``sensor_msgs/msg/Image``) and number of messages."""
+
+    name: str
+    msgtype: str
+    count: int
+
+
+@dataclass(frozen=True)
+class RawMessage:
+    """One recorded message. ``log_stamp_ns``: when it was recorded, ns; ``data``: CDR bytes."""
+
+    topic: str
+    msgtype: str
+    log_stamp_ns: int
+    data: bytes
+
+
+class BagStorage(Protocol):
+    """One file (or folder) of a bag, whatever its format."""
+
+    @property
+    def topics(self) -> tuple[TopicInfo, ...]:
+        """Topics in the order they were recorded first."""
+
+    @property
+    def damaged(self) -> str | None:
+        """What is known to be wrong with the file, None for nothing so far."""
+
+    def messages(self, topics: frozenset[str] | None) -> Iterator[RawMessage]:
+        """Messages in order of time; all topics for None."""
+
+    def close(self) -> None:
+        """Let go of the file."""

@@ -1,0 +1,85 @@
+"""Video files, with the time stamps of the container."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.core.types import NANOSECONDS
+from motion_detect_ros.sources.frames import SourceFrame
+
+NANOSECONDS_PER_MS = 1_000_000
+_QUIET = '-8'  # AV_LOG_QUIET: FFmpeg prints to stderr what we say ourselves in one line
+
+
+def open_capture(address: str | int) -> cv2.VideoCapture:
+    """An opened OpenCV capture of a file, address or camera number. Raises: SourceError where it does not open."""
+    os.environ.setdefault('OPENCV_FFMPEG_LOGLEVEL', _QUIET)
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    capture = cv2.VideoCapture(address) if isinstance(address, int) else cv2.VideoCapture(address, cv2.CAP_ANY)
+    if not capture.isOpened():
+        capture.release()
+        kind = 'camera' if isinstance(address, int) else 'video'
+        raise SourceError(f'{address}: cannot be opened as a {kind}')
+    return capture
+
+
+class VideoFile:
+    """A video file as a frame source.
+
+    Stamps are the container's presentation times (variable frame rate stays variable), or even steps where
+    the caller gives a rate or the container has no times.
+    """
+
+    camera = None
+    bad_frames = 0
+
+    def __init__(self, path: Path, fps: float | None = None) -> None:
+        """fps: frames/s to use instead of the container's times. Raises: SourceError for no readable video."""
+        capture = open_capture(str(path))
+        try:
+            readable = capture.grab()
+            self._container_fps = capture.get(cv2.CAP_PROP_FPS)
+            frames = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        finally:
+            capture.release()
+        if not readable:
+            raise SourceError(f'{path}: a video without a readable frame')
+        self.path = path
+        self.name = path.stem
+        self.frame_count = frames if frames > 0 else None
+        self.damaged: str | None = None
+        self._fps = fps
+
+    def __iter__(self) -> Iterator[SourceFrame]:
+        """Frames from the first; sets ``damaged`` where the file ends before the frames it announces."""
+        capture = open_capture(str(self.path))
+        index, previous_ns = 0, -1
+        try:
+            while True:
+                ok, image = capture.read()
+                if not ok:
+                    break
+                stamp_ns = self._stamp(capture, index, previous_ns)
+                yield SourceFrame(index, image.astype(np.uint8, copy=False), stamp_ns)
+                index, previous_ns = index + 1, stamp_ns
+        finally:
+            capture.release()
+        if self.frame_count is not None and index < self.frame_count:
+            self.damaged = f'{index} of {self.frame_count} announced frames readable'
+
+    def _stamp(self, capture: cv2.VideoCapture, index: int, previous_ns: int) -> int:
+        """Time of the frame just read, ns."""
+        if self._fps is not None:
+            return round(index * NANOSECONDS / self._fps)
+        stamp_ns = round(capture.get(cv2.CAP_PROP_POS_MSEC) * NANOSECONDS_PER_MS)
+        if stamp_ns > previous_ns:
+            return stamp_ns
+        if not self._container_fps > 0:
+            raise SourceError(f'{self.path}: no time stamps and no frame rate; give --fps')
+        return previous_ns + round(NANOSECONDS / self._container_fps)
