@@ -40,9 +40,84 @@ class PreprocessingConfig:
 class EgoMotionConfig:
     """Background motion from tracked corners."""
 
-    max_corners: int = setting(600, 'corners tracked per frame', low=8, high=5000)
+    max_corners: int = setting(700, 'corners tracked per frame', low=8, high=5000)
     corner_quality: float = setting(
-        0.01, 'smallest accepted corner response, relative to the best', low=1e-5, high=1.0)
+        0.002, 'smallest accepted corner response, relative to the best', low=1e-6, high=1.0)
+    lk_window_px: int = setting(15, 'window of the Lucas-Kanade tracker', low=5, high=51, unit='px')
+    pyramid_levels: int = setting(3, 'pyramid levels of the tracker above the image itself', low=0, high=6)
+    forward_backward_px: float = setting(
+        0.5, 'largest accepted forward-backward error of a track', low=0.01, high=10.0, unit='px')
+    ransac_threshold_px: float = setting(
+        1.0, 'distance to the model up to which RANSAC counts a track as background', low=0.1, high=20.0, unit='px')
+    smoothing: str = setting(
+        'kalman', 'filter on the affine parameters', choices=('kalman', 'none'))
+    process_noise_px_per_s2: float = setting(
+        3000.0, 'how hard the camera may accelerate (standard deviation)', low=1.0, high=1e6, unit='px/s^2')
+    max_gap_s: float = setting(
+        1.0, 'a longer gap between frames starts everything anew', low=0.01, high=60.0, unit='s')
+
+
+@dataclass(frozen=True)
+class OpticalFlowConfig:
+    """Dense flow."""
+
+    baseline_s: float = setting(
+        0.08, 'time over which flow is measured (the nearest whole number of frames, at least one)',
+        low=0.001, high=2.0, unit='s')
+    finest_scale: int = setting(
+        2, 'finest pyramid level of DIS, 0 = full resolution', low=0, high=4)
+    grid_px: int = setting(4, 'cell size of the published flow grid, working-resolution pixels',
+                           low=1, high=32, unit='px')
+    forward_backward_px: float = setting(
+        1.0, 'largest accepted forward-backward error', low=0.05, high=20.0, unit='px')
+
+
+@dataclass(frozen=True)
+class BackgroundConfig:
+    """What counts as background beyond the ego-motion, and how noisy the flow is."""
+
+    noise_floor_px: float = setting(
+        0.3, 'noise of the flow over the baseline is never taken to be smaller', low=0.01, high=10.0, unit='px')
+    noise_share: float = setting(
+        0.02, 'share of the camera-caused flow that is added to the noise', low=0.0, high=1.0)
+
+
+@dataclass(frozen=True)
+class Art2Config:
+    """Clustering of the residual flow."""
+
+    vigilance: float = setting(0.2, '0 accepts everything as one cluster, 1 only equal vectors', low=0.0, high=1.0)
+    learning_rate: float = setting(
+        0.95, 'share of the way a neuron moves to what it won (near 1 = fast learning)', low=0.01, high=1.0)
+    initial_neurons: int = setting(15, 'neurons spread over the motions at once', low=1, high=200)
+    max_neurons: int = setting(25, 'neurons the memory may grow to', low=2, high=200)
+    forget_frames: int = setting(
+        10, 'a neuron that wins nothing for this long is forgotten', low=1, high=1000, unit='frames')
+
+
+@dataclass(frozen=True)
+class ObjectsConfig:
+    """From clusters to boxes."""
+
+    min_side_px: float = setting(6.0, 'smaller boxes are dropped', low=1.0, high=1000.0, unit='px')
+    max_area_share: float = setting(0.5, 'larger boxes are dropped, share of the image', low=0.001, high=1.0)
+    join_match: float = setting(
+        0.5, 'neighbouring clusters whose match is at least this are one object', low=0.0, high=1.0)
+    min_evidence: float = setting(
+        0.3, 'share of an object that must be explained better by its own motion than by the background',
+        low=0.0, high=1.0)
+    evidence_sigma: float = setting(
+        2.0, 'gain in grey-value error, in units of the image noise, that counts as evidence', low=0.1, high=100.0)
+
+
+@dataclass(frozen=True)
+class TracksConfig:
+    """Identity over time."""
+
+    confirm_hits: int = setting(3, 'detections before a track is reported', low=1, high=100)
+    confirm_frames: int = setting(5, 'frames within which they must come', low=1, high=100)
+    coast_frames: int = setting(3, 'frames a confirmed track lives without detection', low=0, high=100)
+    gate_sigma: float = setting(3.0, 'association gate, standard deviations', low=0.5, high=20.0)
 
 
 @dataclass(frozen=True)
@@ -51,6 +126,11 @@ class PipelineConfig:
 
     preprocessing: PreprocessingConfig = PreprocessingConfig()
     ego_motion: EgoMotionConfig = EgoMotionConfig()
+    optical_flow: OpticalFlowConfig = OpticalFlowConfig()
+    background: BackgroundConfig = BackgroundConfig()
+    art2: Art2Config = Art2Config()
+    objects: ObjectsConfig = ObjectsConfig()
+    tracks: TracksConfig = TracksConfig()
 
 
 def settings(config: Any, prefix: str = '') -> Iterator[tuple[str, Scalar, Mapping[str, Any]]]:

@@ -1,0 +1,81 @@
+"""What the background does beyond the affine: a smooth correction, and how noisy the flow is.
+
+A tilted ground plane seen from a flying camera moves by a quadratic of the image coordinates (Longuet-Higgins and
+Prazdny 1980; Bergen et al. 1992, equation 8); an affine leaves up to several pixels of it in the corners.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from motion_detect_ros.core.affine import TUKEY_C
+from motion_detect_ros.core.config import BackgroundConfig
+from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
+
+#: Cells used for the fit at most; more would not change it.
+MAX_SAMPLES = 4000
+#: Re-weighting rounds; the fit is stable after four to six.
+ITERATIONS = 6
+#: Fewer valid cells than this say nothing about the background.
+MIN_CELLS = 50
+
+
+@dataclass(frozen=True)
+class Background:
+    """``flow``: (gh, gw, 2) residual flow of the background; ``sigma_px``: (gh, gw) its noise, one deviation."""
+
+    flow: FloatArray
+    sigma_px: FloatArray
+
+
+def fit_background(residual: FloatArray, config: BackgroundConfig, magnitude: FloatArray) -> Background:
+    """Robust quadratic fit of the residual flow.
+
+    residual: (gh, gw, 2) pixels, NaN = invalid; magnitude: (gh, gw) length of the camera-caused flow, pixels.
+    The noise is the measured spread of the fit plus a share of the camera's flow, never under ``noise_floor_px``.
+    """
+    rows, columns = residual.shape[:2]
+    basis = _quadratic_basis(rows, columns)
+    valid = np.isfinite(residual[..., 0])
+    if valid.sum() < MIN_CELLS:
+        return Background(np.zeros_like(residual), np.full((rows, columns), np.inf, np.float32))
+    step = max(1, int(valid.sum()) // MAX_SAMPLES)
+    design = basis[valid][::step]
+    target = residual[valid][::step].astype(np.float64)
+    solution, sigma = _irls(design, target)
+    flow = (basis.reshape(-1, 6) @ solution).reshape(rows, columns, 2).astype(np.float32)
+    base = max(config.noise_floor_px, sigma)
+    return Background(flow, (base + config.noise_share * magnitude).astype(np.float32))
+
+
+def _quadratic_basis(rows: int, columns: int) -> DoubleArray:
+    x, y = np.meshgrid(np.linspace(-1.0, 1.0, columns), np.linspace(-1.0, 1.0, rows))
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+
+
+def _irls(design: DoubleArray, target: DoubleArray) -> tuple[DoubleArray, float]:
+    """Tukey-weighted least squares from the median; returns (6, 2) coefficients and sigma of one component."""
+    solution = np.zeros((6, 2))
+    solution[0] = np.median(target, axis=0)
+    for _ in range(ITERATIONS):
+        error = target - design @ solution
+        distance = np.hypot(error[:, 0], error[:, 1])
+        sigma = _rayleigh_sigma(distance)
+        weights = np.clip(1.0 - (distance / (TUKEY_C * max(sigma, 1e-3))) ** 2, 0.0, None) ** 2
+        weighted = design * weights[:, None]
+        solution = np.linalg.lstsq(weighted.T @ design, weighted.T @ target, rcond=None)[0]
+    error = target - design @ solution
+    return solution, _rayleigh_sigma(np.hypot(error[:, 0], error[:, 1]))
+
+
+def _rayleigh_sigma(distance: DoubleArray) -> float:
+    """Deviation of one component from the median length of a two-component error (median = 1.1774 sigma)."""
+    return float(np.median(distance)) / 1.1774
+
+
+def valid_cells(residual: FloatArray) -> BoolArray:
+    """(gh, gw) True where the flow is known."""
+    known: BoolArray = np.isfinite(residual[..., 0])
+    return known

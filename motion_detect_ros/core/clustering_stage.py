@@ -1,0 +1,71 @@
+"""The last stage: residual flow -> ART2 clusters -> objects -> tracks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from motion_detect_ros.core.art2 import Art2
+from motion_detect_ros.core.background import Background, fit_background
+from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.contact import bearings
+from motion_detect_ros.core.ego_chain import EgoChain, LookBack
+from motion_detect_ros.core.objects import ObjectFinder
+from motion_detect_ros.core.optical_flow import HISTORY, total_to_residual
+from motion_detect_ros.core.segments import connected_segments
+from motion_detect_ros.core.tracks import Candidate, Tracker
+from motion_detect_ros.core.types import (
+    NANOSECONDS, ByteArray, CameraModel, EgoMotion, FlowField, PreparedFrame, RecordArray, empty_detections,
+)
+
+
+class ClusteringStage:
+    """Tells moving objects from background in one frame's flow and follows them over frames."""
+
+    def __init__(self, config: PipelineConfig, camera: CameraModel | None = None) -> None:
+        self._config = config
+        self._camera = camera
+        self._chain = EgoChain()
+        self._history: dict[int, ByteArray] = {}
+        self._art2 = Art2(config.art2)
+        self._finder = ObjectFinder(config)
+        self._tracker = Tracker(config.tracks)
+
+    def reset(self) -> None:
+        """Forget earlier frames, neurons and tracks; ids go on counting."""
+        self._chain.reset()
+        self._history.clear()
+        self._art2.reset()
+        self._tracker.reset()
+
+    def process(self, frame: PreparedFrame, flow: FlowField, ego: EgoMotion) -> RecordArray:
+        """Confirmed moving objects in ``frame``, dtype ``DETECTION_DTYPE``; empty where there is no ego-motion."""
+        self._chain.append(ego)
+        back = self._chain.look_back(self._config.optical_flow.baseline_s)
+        earlier = self._history.get(back.stamp_ns) if back else None
+        self._history[frame.stamp_ns] = frame.gray
+        while len(self._history) > HISTORY:
+            self._history.pop(next(iter(self._history)))
+        if back is None or earlier is None:
+            self._tracker.reset()
+            return empty_detections()
+        candidates = self._candidates(frame, earlier, flow, back)
+        records = self._tracker.step(candidates, ego.matrix, ego.dt_s)
+        return bearings(records, self._camera)
+
+    def _candidates(
+        self, frame: PreparedFrame, earlier: ByteArray, flow: FlowField, back: LookBack,
+    ) -> list[Candidate]:
+        residual = total_to_residual(flow.flow, back.matrix, flow.width, flow.height)
+        residual[:self._ignored_rows(flow)] = np.nan
+        magnitude = np.linalg.norm(np.nan_to_num(flow.flow), axis=2)
+        background = fit_background(residual, self._config.background, magnitude)
+        vectors = (residual - background.flow) / background.sigma_px[..., None]
+        labels = self._art2.partial_fit(vectors.reshape(-1, 2)).reshape(vectors.shape[:2])
+        segments = connected_segments(labels, self._art2.prototypes, self._config.objects.join_match, 1)
+        seconds = (frame.stamp_ns - back.stamp_ns) / NANOSECONDS
+        return self._finder.find(segments, residual, background, frame, earlier, back.matrix, seconds,
+                                 self._art2.names)
+
+    def _ignored_rows(self, flow: FlowField) -> int:
+        rows = self._config.preprocessing.ignore_top_px * flow.flow.shape[0] / flow.height
+        return int(np.ceil(rows))

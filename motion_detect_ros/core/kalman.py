@@ -1,0 +1,91 @@
+"""Kalman smoothing of the six affine ego-motion parameters.
+
+Each parameter follows a constant-velocity model (Bar-Shalom et al. 2001, section 6.3.2, discrete white-noise
+acceleration): state (velocity, acceleration), measurement velocity = parameter / dt. The filter works in
+coordinates about the image centre and divided by half the image's diagonal, where all six are pixels per second,
+so one process noise fits all of them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from motion_detect_ros.core.config import EgoMotionConfig
+from motion_detect_ros.core.types import NANOSECONDS, DoubleArray
+
+#: Squared Mahalanobis distance that 99.9 % of true six-parameter innovations stay under (chi-square, 6 degrees).
+GATE_CHI2_6 = 22.46
+#: After this many rejected measurements in a row the motion has changed for good: start anew.
+MAX_REJECTED = 3
+
+
+class ParameterKalman:
+    """Smooths a0..a5 over time and rejects estimates that no camera motion explains."""
+
+    def __init__(self, config: EgoMotionConfig) -> None:
+        self._config = config
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the state; the next measurement is taken as it is."""
+        self._state: DoubleArray = np.zeros(12)
+        self._covariance: DoubleArray = np.zeros((12, 12))
+        self._stamp_ns: int | None = None
+        self._rejected = 0
+
+    def update(
+        self, params: DoubleArray, covariance: DoubleArray, stamp_ns: int, dt_s: float, centre: DoubleArray,
+    ) -> tuple[DoubleArray, DoubleArray, bool]:
+        """Filtered parameters, their covariance, and whether the measurement passed the gate.
+
+        params: (6,), covariance: (6, 6) about the image origin, pixels over ``dt_s``; centre: (2,) pixels.
+        """
+        if self._config.smoothing == 'none':
+            return params, covariance, True
+        forward = to_centre(centre) / dt_s
+        accepted = self._step(forward @ params, forward @ covariance @ forward.T, stamp_ns)
+        back = np.linalg.inv(forward)
+        return back @ self._state[:6], back @ self._covariance[:6, :6] @ back.T, accepted
+
+    def _step(self, measured: DoubleArray, noise: DoubleArray, stamp_ns: int) -> bool:
+        if self._stamp_ns is None:
+            self._start(measured, noise, stamp_ns)
+            return True
+        state, covariance = self._predict((stamp_ns - self._stamp_ns) / NANOSECONDS)
+        innovation = measured - state[:6]
+        spread = covariance[:6, :6] + noise
+        if innovation @ np.linalg.solve(spread, innovation) > GATE_CHI2_6:
+            self._rejected += 1
+            if self._rejected < MAX_REJECTED:
+                return False
+            self._start(measured, noise, stamp_ns)
+            return True
+        gain = np.linalg.solve(spread, covariance[:6, :]).T
+        self._state = state + gain @ innovation
+        self._covariance = covariance - gain @ spread @ gain.T
+        self._stamp_ns, self._rejected = stamp_ns, 0
+        return True
+
+    def _start(self, measured: DoubleArray, noise: DoubleArray, stamp_ns: int) -> None:
+        self._state = np.r_[measured, np.zeros(6)]
+        self._covariance = np.zeros((12, 12))
+        self._covariance[:6, :6] = noise
+        self._covariance[6:, 6:] = np.eye(6) * self._config.process_noise_px_per_s2 ** 2
+        self._stamp_ns, self._rejected = stamp_ns, 0
+
+    def _predict(self, dt_s: float) -> tuple[DoubleArray, DoubleArray]:
+        transition = np.eye(12)
+        transition[:6, 6:] = np.eye(6) * dt_s
+        variance = self._config.process_noise_px_per_s2 ** 2
+        ramp = np.vstack([np.eye(6) * dt_s, np.eye(6)])
+        process = variance * ramp @ ramp.T
+        return transition @ self._state, transition @ self._covariance @ transition.T + process
+
+
+def to_centre(centre: DoubleArray) -> DoubleArray:
+    """(6, 6) change of parameters: about the origin -> about ``centre``, slopes times half the diagonal."""
+    reach = float(np.hypot(centre[0], centre[1]))
+    block = np.array([[1.0, centre[0], centre[1]], [0.0, reach, 0.0], [0.0, 0.0, reach]])
+    change = np.zeros((6, 6))
+    change[:3, :3] = change[3:, 3:] = block
+    return change

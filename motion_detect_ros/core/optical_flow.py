@@ -1,0 +1,107 @@
+"""Dense optical flow between the current frame and an earlier one, both ways, on the stabilised pair."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from motion_detect_ros.core.config import OpticalFlowConfig, PipelineConfig
+from motion_detect_ros.core.ego_chain import EgoChain, LookBack
+from motion_detect_ros.core.types import ByteArray, DoubleArray, EgoMotion, FloatArray, FlowField, PreparedFrame
+from motion_detect_ros.core.warp import apply, at_scale, grid_points, stabilise
+
+#: Earlier grey images kept, frames.
+HISTORY = 16
+
+
+class OpticalFlowStage:
+    """Keeps the last frames; gives the flow over ``baseline_s`` seconds for each new one."""
+
+    def __init__(self, config: PipelineConfig) -> None:
+        self._config = config.optical_flow
+        self._flow = DisFlow(self._config)
+        self._chain = EgoChain()
+        self._history: dict[int, ByteArray] = {}
+
+    def reset(self) -> None:
+        """Forget every earlier frame."""
+        self._chain.reset()
+        self._history.clear()
+
+    def process(self, frame: PreparedFrame, ego: EgoMotion) -> FlowField:
+        """Flow into ``frame``; all NaN where there is no earlier frame or no ego-motion to stabilise with."""
+        self._chain.append(ego)
+        back = self._chain.look_back(self._config.baseline_s)
+        earlier = self._history.get(back.stamp_ns) if back else None
+        self._remember(frame)
+        if back is None or earlier is None or earlier.shape != frame.gray.shape:
+            return self._nothing(frame)
+        return FlowField(self._between(earlier, frame, back), frame.width, frame.height, frame.stamp_ns)
+
+    def _remember(self, frame: PreparedFrame) -> None:
+        self._history[frame.stamp_ns] = frame.gray
+        while len(self._history) > HISTORY:
+            self._history.pop(next(iter(self._history)))
+
+    def _grid(self, frame: PreparedFrame) -> tuple[int, int]:
+        rows, columns = frame.gray.shape
+        return max(1, round(rows / self._config.grid_px)), max(1, round(columns / self._config.grid_px))
+
+    def _nothing(self, frame: PreparedFrame) -> FlowField:
+        flow = np.full((*self._grid(frame), 2), np.nan, np.float32)
+        return FlowField(flow, frame.width, frame.height, frame.stamp_ns)
+
+    def _between(self, earlier: ByteArray, frame: PreparedFrame, back: LookBack) -> FloatArray:
+        """Total displacement on the grid: flow of the stabilised pair, put back under the ego-motion."""
+        rows, columns = self._grid(frame)
+        stabilised = stabilise(earlier, at_scale(back.matrix, frame.scale))
+        to_earlier = self._flow.both_ways(frame.gray, stabilised)
+        shift = cv2.resize(to_earlier, (columns, rows), interpolation=cv2.INTER_AREA) / np.float32(frame.scale)
+        points = grid_points(rows, columns, frame.width, frame.height)
+        origin = apply(np.linalg.inv(back.matrix), points + shift)
+        flow = points - origin
+        flow[outside(origin, frame.width, frame.height)] = np.nan
+        return flow
+
+
+class DisFlow:
+    """Dense inverse search (Kroeger et al. 2016) with a forward-backward check (Sundaram et al. 2010)."""
+
+    def __init__(self, config: OpticalFlowConfig) -> None:
+        self._limit_px = config.forward_backward_px
+        self._dis = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+        self._dis.setFinestScale(config.finest_scale)
+
+    def both_ways(self, current: ByteArray, earlier: ByteArray) -> FloatArray:
+        """(H, W, 2) displacement from ``current`` to ``earlier``, NaN where the way back does not return."""
+        there = self._dis.calc(current, earlier, None)
+        back = self._dis.calc(earlier, current, None)
+        height, width = current.shape
+        target = there + pixel_grid(width, height)
+        returned = cv2.remap(back, target, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        error = np.square(there + returned).sum(axis=2)
+        length = np.square(there).sum(axis=2) + np.square(returned).sum(axis=2)
+        there[error > self._limit_px ** 2 + 0.01 * length] = np.nan
+        return there
+
+
+def pixel_grid(width: int, height: int) -> FloatArray:
+    """(height, width, 2) float32: every pixel's own (x, y)."""
+    return grid_points(height, width, width, height)
+
+
+def outside(points: FloatArray, width: int, height: int) -> np.ndarray:
+    """True for points that are not on the image."""
+    x, y = points[..., 0], points[..., 1]
+    inside: np.ndarray = (x >= 0) & (y >= 0) & (x <= width - 1) & (y <= height - 1)
+    return ~inside
+
+
+def total_to_residual(flow: FloatArray, matrix: DoubleArray, width: int, height: int) -> FloatArray:
+    """What is left of a total flow when the ego-motion is taken out, in pixels of the later frame.
+
+    flow: (gh, gw, 2) as in ``FlowField``; matrix: (3, 3) earlier pixel -> later pixel.
+    Returns (gh, gw, 2): where the background would have carried the point's earlier position, to where it is.
+    """
+    points = grid_points(*flow.shape[:2], width, height)
+    return points - apply(matrix, points - flow)

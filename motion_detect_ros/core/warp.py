@@ -1,0 +1,45 @@
+"""Warping images and points by 3 x 3 matrices, and between resolutions."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from motion_detect_ros.core.types import ByteArray, DoubleArray, FloatArray
+
+
+def at_scale(matrix: DoubleArray, scale: float) -> DoubleArray:
+    """A full-resolution pixel warp as the same warp between images shrunk by ``scale``.
+
+    Pixel centres sit at whole numbers, so x_small = (x + 0.5) * scale - 0.5.
+    """
+    shift = 0.5 * scale - 0.5
+    down = np.array([[scale, 0.0, shift], [0.0, scale, shift], [0.0, 0.0, 1.0]])
+    scaled: DoubleArray = down @ matrix @ np.linalg.inv(down)
+    return scaled
+
+
+def stabilise(earlier: ByteArray, matrix: DoubleArray) -> ByteArray:
+    """``earlier`` as it would look from the later frame. matrix: (3, 3) earlier pixel -> later pixel, same resolution."""
+    height, width = earlier.shape[:2]
+    warped: ByteArray = cv2.warpPerspective(
+        earlier, matrix, (width, height), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return warped
+
+
+def grid_points(rows: int, columns: int, width: int, height: int) -> FloatArray:
+    """(rows, columns, 2) float32: the full-resolution pixel (x, y) at the centre of every grid cell."""
+    x = (np.arange(columns, dtype=np.float32) + 0.5) * (width / columns) - 0.5
+    y = (np.arange(rows, dtype=np.float32) + 0.5) * (height / rows) - 0.5
+    return np.stack(np.meshgrid(x, y), axis=-1).astype(np.float32)
+
+
+def apply(matrix: DoubleArray, points: FloatArray) -> FloatArray:
+    """(..., 2) points through a (3, 3) matrix, with the perspective division."""
+    m = matrix.astype(np.float32)
+    x, y = points[..., 0], points[..., 1]
+    depth = m[2, 0] * x + m[2, 1] * y + m[2, 2]
+    moved = np.empty_like(points)
+    moved[..., 0] = (m[0, 0] * x + m[0, 1] * y + m[0, 2]) / depth
+    moved[..., 1] = (m[1, 0] * x + m[1, 1] * y + m[1, 2]) / depth
+    return moved
