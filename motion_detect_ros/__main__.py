@@ -1,0 +1,88 @@
+"""The command line: ``python -m motion_detect_ros <command>``.
+
+Exit codes: 0 done, 1 nothing could be done, 2 wrong use or unreadable input (one line on stderr says what and what
+would be right), 3 partial (damaged or interrupted; what was recovered is kept).
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from types import FrameType
+from typing import NoReturn
+
+# FFmpeg and OpenCV print to stderr what we say in one line; both read this when first loaded.
+os.environ.setdefault('OPENCV_FFMPEG_LOGLEVEL', '-8')
+os.environ.setdefault('OPENCV_LOG_LEVEL', 'SILENT')
+
+WRONG_USE, PARTIAL = 2, 3
+
+_TOOLS = {
+    'convert': 'data set, image folder or video to a bag (MCAP)',
+    'replay': 'recordings through the detector, offline',
+    'evaluate': 'detections against ground truth',
+    'inspect': 'what a bag holds and what of it is damaged',
+}
+#: Commands that read their own command line.
+_PROGRAMS = {
+    'demo': 'the main job on a built-in flight, over real nodes',
+    'bench': 'time per stage and transport',
+}
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """Says what is wrong in one line, without the usage text around it."""
+
+    def error(self, message: str) -> NoReturn:
+        """Exit with code 2."""
+        self.exit(WRONG_USE, f'{self.prog}: error: {message} (--help shows the usage)\n')
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command, return its exit code."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    signal.signal(signal.SIGTERM, _terminate)
+    if words and words[0] in _PROGRAMS:
+        return _run_program(words)
+    return _run_tool(words)
+
+
+def _run_tool(words: list[str]) -> int:
+    # Imported here: evaluate and inspect must not wait for numba to load.
+    from motion_detect_ros.core.errors import MotionDetectError
+    parser = OneLineParser(prog='motion_detect_ros', description='Moving-object detection from a moving camera.')
+    commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
+    for name, text in {**_PROGRAMS, **_TOOLS}.items():
+        sub = commands.add_parser(name, help=text, description=text)
+        if words[:1] == [name]:
+            importlib.import_module(f'motion_detect_ros.tools.{name}').add_arguments(sub)
+    arguments = parser.parse_args(words)
+    try:
+        return int(importlib.import_module(f'motion_detect_ros.tools.{arguments.command}').run(arguments))
+    except MotionDetectError as error:
+        print(f'error: {error}', file=sys.stderr)
+        return WRONG_USE
+    except KeyboardInterrupt:
+        print('interrupted; what was written so far is kept in the .part files', file=sys.stderr)
+        return PARTIAL
+    except BrokenPipeError:  # the reader of our output (head, less) has gone
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _run_program(words: list[str]) -> int:
+    """Run a command that is a program of its own: ``main(arguments) -> exit code``."""
+    return int(importlib.import_module(f'motion_detect_ros.tools.{words[0]}').main(words[1:]))
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    """SIGTERM ends a command as Ctrl-C does, so that its outputs are closed properly."""
+    raise KeyboardInterrupt
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,145 @@
+"""``convert``: data sets, image folders and videos to a bag (MCAP) that plays like a camera's recording."""
+
+from __future__ import annotations
+
+import argparse
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.core.types import CameraModel, RecordArray
+from motion_detect_ros.sources import messages
+from motion_detect_ros.sources.bags import BagWriter
+from motion_detect_ros.sources.frames import DEFAULT_FPS, FrameSource, SourceFrame
+from motion_detect_ros.sources.images import ImageSequence, image_folder
+from motion_detect_ros.sources.kitti import KittiDrive, OxtsSample
+from motion_detect_ros.sources.truth import read_truth, write_truth
+from motion_detect_ros.sources.video import VideoFile
+from motion_detect_ros.sources.visdrone import truth_of_sequence, visdrone_sequence
+
+IMU_TOPIC, IMU_FRAME = '/imu', 'imu'
+FIX_TOPIC = '/gps/fix'
+
+OK, NOTHING, PARTIAL = 0, 1, 3
+
+_SERVICE_GPS = 1              # sensor_msgs/NavSatStatus.SERVICE_GPS
+_COVARIANCE_APPROXIMATED = 1  # sensor_msgs/NavSatFix.COVARIANCE_TYPE_APPROXIMATED
+
+_FORMATS = {'.jpg': 'jpeg', '.jpeg': 'jpeg', '.png': 'png'}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line."""
+    kinds = parser.add_subparsers(dest='kind', required=True, parser_class=type(parser))
+    for kind, what in (('visdrone', 'VisDrone sequence folder'), ('kitti', 'KITTI raw drive folder'),
+                       ('images', 'folder of pictures'), ('video', 'video file')):
+        sub = kinds.add_parser(kind, help=f'{what} to MCAP')
+        sub.add_argument('input', type=Path, help=what)
+        sub.add_argument('-o', '--output', type=Path, required=True, help='MCAP file to write')
+        if kind != 'video':
+            sub.add_argument('--compressed', action='store_true',
+                             help='keep the JPEG/PNG bytes, as CompressedImage on image_raw/compressed')
+        if kind in ('visdrone', 'kitti'):
+            sub.add_argument('--annotations', type=Path, help='truth file; goes to OUT.truth.csv beside the bag')
+        if kind != 'kitti':
+            sub.add_argument('--fps', type=float, required=kind == 'images', help='frames a second')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Convert; the exit code is 3 where frames were unreadable. Raises: SourceError for an unusable input."""
+    kind = arguments.kind
+    fps = getattr(arguments, 'fps', None)
+    if fps is not None and not fps > 0:
+        raise SourceError(f'--fps: expected a number over 0, got {fps:g}')
+    source = _open(kind, arguments.input, fps)
+    truth = read_truth(arguments.annotations) if getattr(arguments, 'annotations', None) else None
+    if truth is not None and kind == 'visdrone' and isinstance(source, ImageSequence):
+        truth = truth_of_sequence(truth, source)
+    count = convert(source, arguments.output, getattr(arguments, 'compressed', False), truth)
+    bad = f', {source.bad_frames} unreadable frames left out' if source.bad_frames else ''
+    print(f'{arguments.output}: {count} frames{bad}' + (f'; {source.damaged}' if source.damaged else ''))
+    if not count:
+        return NOTHING
+    return PARTIAL if source.bad_frames or source.damaged else OK
+
+
+def convert(source: FrameSource, output: Path, compressed: bool = False, truth: RecordArray | None = None) -> int:
+    """Write a source to an MCAP file, and its truth (``TRUTH_DTYPE``) to ``<output without suffix>.truth.csv``.
+
+    Topics: /image_raw (or /image_raw/compressed), /camera_info for every picture (K = 0 where uncalibrated), for
+    KITTI /imu and /gps/fix. Returns the number of pictures written. If interrupted, ``<output>.part`` stays, a
+    readable bag. Raises: SourceError where ``compressed`` is wanted of files that are neither JPEG nor PNG.
+    """
+    files = _compressed_files(source) if compressed else ()
+    inertial = deque(source.oxts() if isinstance(source, KittiDrive) else ())
+    count = 0
+    with BagWriter(output, compress=False) as bag:
+        for frame in tqdm(source, total=source.frame_count, unit='frame', disable=None):
+            while inertial and inertial[0].stamp_ns <= frame.stamp_ns:
+                _write_oxts(bag, inertial.popleft())
+            _write_camera_info(bag, frame, source)
+            if compressed:
+                file = files[frame.index]
+                bag.write_compressed(file.read_bytes(), _FORMATS[file.suffix.lower()], frame.stamp_ns)
+            else:
+                bag.write_image(frame.image, frame.stamp_ns)
+            count += 1
+        for sample in inertial:
+            _write_oxts(bag, sample)
+    if truth is not None:
+        write_truth(output.with_suffix('.truth.csv'), truth)
+    return count
+
+
+def _open(kind: str, path: Path, fps: float | None) -> FrameSource:
+    if kind == 'kitti':
+        return KittiDrive(path)
+    if kind == 'visdrone':
+        return visdrone_sequence(path, fps or DEFAULT_FPS)
+    if kind == 'images':
+        return image_folder(path, fps or DEFAULT_FPS)
+    if not path.is_file():
+        raise SourceError(f'{path}: no such video file')
+    return VideoFile(path, fps)
+
+
+def _compressed_files(source: FrameSource) -> tuple[Path, ...]:
+    """The files behind the frames of a source, by frame index."""
+    sequence = source.images if isinstance(source, KittiDrive) else source
+    if not isinstance(sequence, ImageSequence):
+        raise SourceError(f'{source.name}: its frames are no JPEG or PNG files')
+    odd = [file for file in sequence.files if file.suffix.lower() not in _FORMATS]
+    if odd:
+        raise SourceError(f'{odd[0]}: --compressed keeps JPEG and PNG files only')
+    return sequence.files
+
+
+def _write_camera_info(bag: BagWriter, frame: SourceFrame, source: FrameSource) -> None:
+    height, width = frame.image.shape[:2]
+    camera = source.camera or CameraModel(width, height, 0.0, 0.0, 0.0, 0.0)
+    calibration = source.calibration if isinstance(source, KittiDrive) else None
+    bag.write_camera_info(camera, frame.stamp_ns, projection=calibration.projection if calibration else None)
+
+
+def _write_oxts(bag: BagWriter, sample: OxtsSample) -> None:
+    """One GPS/IMU packet as sensor_msgs/Imu (covariances 0 = unknown) and sensor_msgs/NavSatFix."""
+    header = messages.header(sample.stamp_ns, IMU_FRAME)
+    bag.write(IMU_TOPIC, messages.make(
+        messages.IMU, header=header,
+        orientation=_xyz('geometry_msgs/msg/Quaternion', *sample.quaternion),
+        angular_velocity=_xyz('geometry_msgs/msg/Vector3', *sample.angular_velocity),
+        linear_acceleration=_xyz('geometry_msgs/msg/Vector3', *sample.acceleration)), sample.stamp_ns)
+    status = messages.make('sensor_msgs/msg/NavSatStatus', service=_SERVICE_GPS)
+    bag.write(FIX_TOPIC, messages.make(
+        messages.NAV_SAT_FIX, header=header, status=status, latitude=sample.latitude_deg,
+        longitude=sample.longitude_deg, altitude=sample.altitude_m,
+        position_covariance=np.diag([sample.position_accuracy_m ** 2] * 3).reshape(-1),
+        position_covariance_type=_COVARIANCE_APPROXIMATED), sample.stamp_ns)
+
+
+def _xyz(msgtype: str, *values: float) -> Any:
+    return messages.make(msgtype, **dict(zip('xyzw', values, strict=False)))

@@ -1,0 +1,115 @@
+"""Detection quality: boxes against boxes, frame by frame.
+
+A prediction matches a wanted truth box one to one, best overlap first, where their intersection over union (IoU)
+reaches a threshold (greedy form of the matching in Everingham et al., "The PASCAL VOC Challenge", IJCV 2010).
+Predictions that match nothing and lie on a box that counts neither way are dropped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from motion_detect_ros.core.types import BoolArray, DoubleArray, RecordArray
+
+#: A prediction with this share of its area inside an ignored box says nothing.
+_INSIDE_IGNORED = 0.5
+#: Keeps the division of empty areas finite, pixels^2.
+_TINY_AREA = 1e-9
+
+MOVING_ONLY = (1,)
+MOVING_AND_STANDING = (0, 1)
+IGNORED = -1
+
+
+@dataclass(frozen=True)
+class Score:
+    """Counts over all frames of a sequence."""
+
+    true_positives: int
+    false_positives: int
+    wanted: int
+    frames: int
+
+    @property
+    def precision(self) -> float:
+        """Share of the predictions that are right; 0 without predictions."""
+        return self.true_positives / max(self.true_positives + self.false_positives, 1)
+
+    @property
+    def recall(self) -> float:
+        """Share of the wanted boxes that were found; 0 without wanted boxes."""
+        return self.true_positives / max(self.wanted, 1)
+
+    @property
+    def f1(self) -> float:
+        """Harmonic mean of precision and recall."""
+        total = self.precision + self.recall
+        return 2 * self.precision * self.recall / total if total else 0.0
+
+    @property
+    def false_per_frame(self) -> float:
+        """False predictions a frame."""
+        return self.false_positives / max(self.frames, 1)
+
+
+def overlaps(a: DoubleArray, b: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
+    """IoU of every pair, and the share of each ``a`` inside each ``b``.
+
+    a: (N, 4), b: (M, 4) float64, boxes as x, y, width, height in pixels. Returns two (N, M) arrays.
+    """
+    low = np.maximum(a[:, None, :2], b[None, :, :2])
+    high = np.minimum(a[:, None, :2] + a[:, None, 2:], b[None, :, :2] + b[None, :, 2:])
+    shared = np.prod(np.clip(high - low, 0, None), axis=2)
+    area_a, area_b = a[:, 2] * a[:, 3], b[:, 2] * b[:, 3]
+    union = area_a[:, None] + area_b[None] - shared
+    return shared / np.maximum(union, _TINY_AREA), shared / np.maximum(area_a[:, None], _TINY_AREA)
+
+
+def match(predicted: DoubleArray, wanted: DoubleArray, iou_threshold: float) -> BoolArray:
+    """(N,) bool: which of the (N, 4) predictions match one of the (M, 4) wanted boxes, greedily, best IoU first."""
+    iou, _ = overlaps(predicted, wanted)
+    rows, columns = np.nonzero(iou >= iou_threshold)
+    matched, taken = np.zeros(len(predicted), bool), np.zeros(len(wanted), bool)
+    for best in np.argsort(-iou[rows, columns], kind='stable'):
+        row, column = rows[best], columns[best]
+        if not matched[row] and not taken[column]:
+            matched[row] = taken[column] = True
+    return matched
+
+
+def score_boxes(
+    truth: RecordArray, predictions: Mapping[int, DoubleArray], iou_threshold: float,
+    wanted: Sequence[int] = MOVING_ONLY, skip: int = 0,
+) -> Score:
+    """Count hits and misses from frame ``skip`` to the last frame that has truth.
+
+    truth: ``TRUTH_DTYPE``; predictions: (N, 4) boxes x, y, w, h by frame; wanted: values of ``moving`` to be found,
+    those with ``moving`` = -1 count neither way. Standing objects are false where only movers are wanted.
+    """
+    last = int(truth['frame'].max()) if len(truth) else -1
+    hits = false = total = 0
+    for frame in range(skip, last + 1):
+        here = truth[truth['frame'] == frame]
+        goal = _boxes(here[np.isin(here['moving'], wanted)])
+        predicted = predictions.get(frame, np.empty((0, 4)))
+        matched = match(predicted, goal, iou_threshold)
+        rest = predicted[~matched]
+        hits += int(matched.sum())
+        false += len(rest) - _count_ignored(rest, _boxes(here[here['moving'] == IGNORED]), iou_threshold)
+        total += len(goal)
+    return Score(hits, false, total, max(0, last - skip + 1))
+
+
+def _boxes(truth: RecordArray) -> DoubleArray:
+    return np.stack([truth[name] for name in ('x', 'y', 'w', 'h')], axis=-1).astype(np.float64)
+
+
+def _count_ignored(predicted: DoubleArray, ignored: DoubleArray, iou_threshold: float) -> int:
+    """How many predictions overlap an ignored box enough, or lie in it with half of their area."""
+    if not len(predicted) or not len(ignored):
+        return 0
+    iou, inside = overlaps(predicted, ignored)
+    return int(np.sum((iou.max(1) >= iou_threshold) | (inside.max(1) >= _INSIDE_IGNORED)))
