@@ -17,11 +17,19 @@ NANOSECONDS_PER_MS = 1_000_000
 _QUIET = '-8'  # AV_LOG_QUIET: FFmpeg prints to stderr what we say ourselves in one line
 
 
-def open_capture(address: str | int) -> cv2.VideoCapture:
-    """An opened OpenCV capture of a file, address or camera number. Raises: SourceError where it does not open."""
+def open_capture(address: str | int, timeout_ms: int | None = None) -> cv2.VideoCapture:
+    """An opened OpenCV capture of a file, address or camera number.
+
+    timeout_ms: how long a stream may take to open and to give a picture. Raises: SourceError where it does not open.
+    """
     os.environ.setdefault('OPENCV_FFMPEG_LOGLEVEL', _QUIET)
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    capture = cv2.VideoCapture(address) if isinstance(address, int) else cv2.VideoCapture(address, cv2.CAP_ANY)
+    if isinstance(address, int):
+        capture = cv2.VideoCapture(address)
+    else:
+        limits = [] if timeout_ms is None else [
+            cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, timeout_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, timeout_ms]
+        capture = cv2.VideoCapture(address, cv2.CAP_FFMPEG if timeout_ms is not None else cv2.CAP_ANY, limits)
     if not capture.isOpened():
         capture.release()
         kind = 'camera' if isinstance(address, int) else 'video'

@@ -1,0 +1,177 @@
+"""Live capture: a thread takes pictures as they come, a bounded queue hands the newest ones over.
+
+When the consumer is slower than the camera, the oldest waiting picture is dropped and counted: a detector that
+avoids obstacles wants the newest picture, not every picture.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic
+from types import TracebackType
+from typing import Self
+
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.core.types import NANOSECONDS
+from motion_detect_ros.sources.frames import FrameSource, SourceFrame, open_source
+from motion_detect_ros.sources.live import LiveFrames, is_address
+
+#: Pictures looked at for ``behind``, and the share of them that may be dropped before it is said.
+_BEHIND_WINDOW = 30
+_BEHIND_SHARE = 0.1
+#: Capture times kept for the rate.
+_RATE_WINDOW = 60
+#: A stopped thread has this long to come back from the driver, s.
+_JOIN_TIMEOUT_S = 2.0
+
+
+@dataclass(frozen=True)
+class CaptureStats:
+    """What happened since the capture was opened.
+
+    ``captured``: pictures that came from the source; ``delivered``: handed to the reader; ``dropped``: thrown away
+    because the reader was late (pictures left out by every_nth or take/of are neither); ``capture_rate_hz``: of the
+    source, over the last 60 pictures; ``behind``: over a tenth of the last 30 wanted pictures were dropped.
+    """
+
+    captured: int
+    delivered: int
+    dropped: int
+    capture_rate_hz: float
+    reconnects: int
+    behind: bool
+
+
+class Capture:
+    """Pictures of a camera, stream, video file, image folder or bag; use as a context manager.
+
+    source: camera number (``0``), address (``rtsp://``, ``http://``, ...) or a path that ``open_source`` takes.
+    fps: rate of a folder or video without stamps. every_nth: keep one picture of every N; take, of: keep the first
+    ``take`` of every ``of`` pictures (2 of 5: pairs of neighbours for the flow, and time to process them).
+    queue_size: pictures that may wait. realtime: files are played at the pace of their stamps and late pictures
+    dropped; False waits for the reader instead and drops nothing.
+    Raises: SourceError on a source that cannot be opened or a selection that makes no sense.
+    """
+
+    def __init__(
+        self, source: str, fps: float | None = None, every_nth: int = 1, take: int = 1, of: int = 1,
+        queue_size: int = 2, realtime: bool = True,
+    ) -> None:
+        if every_nth < 1 or queue_size < 1 or not 1 <= take <= of:
+            raise SourceError(
+                'capture: expected every_nth >= 1, queue_size >= 1 and 1 <= take <= of, got '
+                f'every_nth={every_nth}, queue_size={queue_size}, take={take}, of={of}')
+        self._live = LiveFrames(source) if is_address(source) else None
+        self._frames: FrameSource | LiveFrames = self._live or open_source(Path(source), fps)
+        self._every_nth, self._take, self._of = every_nth, take, of
+        self._queue_size = queue_size
+        self._drops_when_late = realtime or self._live is not None
+        self._paced = realtime and self._live is None
+        self._queue: deque[SourceFrame] = deque()
+        self._changed = threading.Condition()
+        self._captured = self._delivered = self._dropped = 0
+        self._recent_drops: deque[bool] = deque(maxlen=_BEHIND_WINDOW)
+        self._capture_times_s: deque[float] = deque(maxlen=_RATE_WINDOW)
+        self._error: SourceError | None = None
+        self._ended = False
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name='capture', daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def read(self, timeout_s: float) -> SourceFrame | None:
+        """The oldest waiting picture; None at the end of a file, or where none comes within ``timeout_s``.
+
+        ``ended`` tells the two apart. Raises: SourceError where reading failed for good.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._queue or self._ended, timeout_s)
+            if self._queue:
+                self._delivered += 1
+                frame = self._queue.popleft()
+                self._changed.notify_all()
+                return frame
+            if self._error is not None:
+                raise self._error
+            return None
+
+    @property
+    def ended(self) -> bool:
+        """True where no further picture will come."""
+        with self._changed:
+            return self._ended and not self._queue
+
+    @property
+    def stats(self) -> CaptureStats:
+        """Counts and rates up to now."""
+        with self._changed:
+            times = self._capture_times_s
+            span_s = times[-1] - times[0] if len(times) > 1 else 0.0
+            dropped = sum(self._recent_drops)
+            return CaptureStats(
+                self._captured, self._delivered, self._dropped, (len(times) - 1) / span_s if span_s else 0.0,
+                self._live.reconnects if self._live else 0, dropped > _BEHIND_SHARE * _BEHIND_WINDOW)
+
+    def close(self) -> None:
+        """Stop the thread and let go of the device."""
+        self._stop.set()
+        if self._live is not None:
+            self._live.stop()
+        with self._changed:
+            self._changed.notify_all()
+        if self._thread.is_alive():
+            self._thread.join(_JOIN_TIMEOUT_S)
+
+    def _run(self) -> None:
+        error = None
+        try:
+            for frame in self._paced_frames():
+                if self._stop.is_set():
+                    break
+                self._offer(frame)
+        except SourceError as problem:
+            error = problem
+        finally:
+            with self._changed:
+                self._error, self._ended = error, True
+                self._changed.notify_all()
+
+    def _paced_frames(self) -> Iterator[SourceFrame]:
+        """The frames of the source; those of a file no earlier than their stamps allow."""
+        start_s, first_ns = monotonic(), None
+        for frame in self._frames:
+            if self._paced:
+                first_ns = frame.stamp_ns if first_ns is None else first_ns
+                self._stop.wait(start_s + (frame.stamp_ns - first_ns) / NANOSECONDS - monotonic())
+            yield frame
+
+    def _wanted(self, number: int) -> bool:
+        return number % self._every_nth == 0 and number // self._every_nth % self._of < self._take
+
+    def _offer(self, frame: SourceFrame) -> None:
+        with self._changed:
+            wanted = self._wanted(self._captured)
+            self._captured += 1
+            self._capture_times_s.append(monotonic())
+            if not wanted:
+                return
+            if not self._drops_when_late:
+                self._changed.wait_for(lambda: len(self._queue) < self._queue_size or self._stop.is_set())
+            late = len(self._queue) >= self._queue_size
+            if late:
+                self._queue.popleft()
+                self._dropped += 1
+            self._recent_drops.append(late)
+            self._queue.append(frame)
+            self._changed.notify_all()
