@@ -66,12 +66,18 @@ def _run_tool(words: list[str]) -> int:
     except MotionDetectError as error:
         print(f'error: {error}', file=sys.stderr)
         return WRONG_USE
-    except KeyboardInterrupt:
-        print('interrupted; what was written so far is kept in the .part files', file=sys.stderr)
-        return PARTIAL
     except BrokenPipeError:  # the reader of our output (head, less) has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except (FileNotFoundError, PermissionError, IsADirectoryError, NotADirectoryError, FileExistsError) as error:
+        print(f'error: {error.filename}: {error.strerror}', file=sys.stderr)
+        return WRONG_USE
+    except OSError as error:  # no space left, device gone
+        print(f'error: {error}; what was written so far is kept in the .part files', file=sys.stderr)
+        return PARTIAL
+    except KeyboardInterrupt:
+        print('interrupted; what was written so far is kept in the .part files', file=sys.stderr)
+        return PARTIAL
 
 
 def _run_program(words: list[str]) -> int:

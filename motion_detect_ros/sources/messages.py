@@ -36,7 +36,11 @@ def typestore() -> Typestore:
 
 
 def make(msgtype: str, **fields: Any) -> Any:
-    """A message of ``msgtype``; fields not given are zero, empty or zero-filled, as in a new ROS message."""
+    """A message of ``msgtype``; fields not given are zero or empty.
+
+    The few defaults of ROS that are not zero (a quaternion's w, the status of a NavSatFix) are the caller's to give.
+    Raises: MessageError for a field the type does not have.
+    """
     values = {name: fields.pop(name) if name in fields else _zero(node)
               for name, node in typestore().fielddefs[msgtype][1]}
     if fields:

@@ -13,6 +13,11 @@ from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import NANOSECONDS
 from motion_detect_ros.sources.frames import SourceFrame
 
+#: FFmpeg guesses by content too and would take a text file for terminal art; only these names are tried.
+VIDEO_SUFFIXES = frozenset({
+    '.mp4', '.m4v', '.mov', '.avi', '.mkv', '.webm', '.mpg', '.mpeg', '.ts', '.m2ts', '.wmv', '.flv', '.ogv', '.3gp',
+    '.mjpg', '.mjpeg', '.h264', '.h265', '.hevc', '.y4m'})
+
 NANOSECONDS_PER_MS = 1_000_000
 _QUIET = '-8'  # AV_LOG_QUIET: FFmpeg prints to stderr what we say ourselves in one line
 
@@ -49,6 +54,8 @@ class VideoFile:
 
     def __init__(self, path: Path, fps: float | None = None) -> None:
         """fps: frames/s to use instead of the container's times. Raises: SourceError for no readable video."""
+        if path.suffix.lower() not in VIDEO_SUFFIXES:
+            raise SourceError(f'{path}: neither a bag (MCAP, db3) nor a video by its name (.mp4, .avi, .mkv, ...)')
         capture = open_capture(str(path))
         try:
             readable = capture.grab()

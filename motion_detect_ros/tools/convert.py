@@ -26,6 +26,7 @@ FIX_TOPIC = '/gps/fix'
 
 OK, NOTHING, PARTIAL = 0, 1, 3
 
+_STATUS_FIX = 0               # sensor_msgs/NavSatStatus.STATUS_FIX
 _SERVICE_GPS = 1              # sensor_msgs/NavSatStatus.SERVICE_GPS
 _COVARIANCE_APPROXIMATED = 1  # sensor_msgs/NavSatFix.COVARIANCE_TYPE_APPROXIMATED
 
@@ -133,7 +134,7 @@ def _write_oxts(bag: BagWriter, sample: OxtsSample) -> None:
         orientation=_xyz('geometry_msgs/msg/Quaternion', *sample.quaternion),
         angular_velocity=_xyz('geometry_msgs/msg/Vector3', *sample.angular_velocity),
         linear_acceleration=_xyz('geometry_msgs/msg/Vector3', *sample.acceleration)), sample.stamp_ns)
-    status = messages.make('sensor_msgs/msg/NavSatStatus', service=_SERVICE_GPS)
+    status = messages.make('sensor_msgs/msg/NavSatStatus', status=_STATUS_FIX, service=_SERVICE_GPS)
     bag.write(FIX_TOPIC, messages.make(
         messages.NAV_SAT_FIX, header=header, status=status, latitude=sample.latitude_deg,
         longitude=sample.longitude_deg, altitude=sample.altitude_m,

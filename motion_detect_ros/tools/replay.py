@@ -11,6 +11,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -173,5 +174,8 @@ def _run_parallel(jobs: list[Job], workers: int) -> Iterator[Outcome]:
         futures = [pool.submit(run_job, job) for job in jobs]
         for _ in tqdm(as_completed(futures), total=len(futures), unit='input', disable=None):
             pass
-        for future in futures:
-            yield future.result()
+        for job, future in zip(jobs, futures, strict=True):
+            try:
+                yield future.result()
+            except BrokenProcessPool:
+                yield Outcome(NOTHING, f'{job.path}: the worker process died (out of memory?)')

@@ -1,0 +1,19 @@
+"""Fixtures that every part of the tests may use."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope='session')
+def clips() -> Path:
+    """The folder of real clips; tests that need it are skipped where it is missing."""
+    folder = Path(os.environ.get('MOTION_DETECT_DATA', REPOSITORY.parent / 'shared' / 'data'))
+    if not (folder / 'clips.json').is_file():
+        pytest.skip(f'no clips in {folder}: set MOTION_DETECT_DATA')
+    return folder

@@ -1,0 +1,138 @@
+"""Capture: real files and a real HTTP stream that breaks and comes back."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.sources.capture import Capture
+
+pytestmark = pytest.mark.timeout(60)
+
+
+@pytest.fixture
+def pictures(tmp_path: Path) -> str:
+    """Twenty small pictures."""
+    for index in range(20):
+        cv2.imwrite(str(tmp_path / f'{index:03d}.png'), np.full((24, 32), index, np.uint8))
+    return str(tmp_path)
+
+
+def read_all(capture: Capture) -> list[int]:
+    indexes = []
+    while (frame := capture.read(5.0)) is not None:
+        indexes.append(frame.index)
+    return indexes
+
+
+def test_without_real_time_nothing_is_lost(pictures: str) -> None:
+    with Capture(pictures, queue_size=1, realtime=False) as capture:
+        assert read_all(capture) == list(range(20))
+        assert capture.ended
+        stats = capture.stats
+    assert (stats.captured, stats.delivered, stats.dropped, stats.behind) == (20, 20, 0, False)
+
+
+@pytest.mark.parametrize(('selection', 'expected'), [
+    ({'every_nth': 3}, [0, 3, 6, 9, 12, 15, 18]),
+    ({'take': 2, 'of': 5}, [0, 1, 5, 6, 10, 11, 15, 16]),
+    ({'every_nth': 2, 'take': 1, 'of': 2}, [0, 4, 8, 12, 16]),
+])
+def test_selection(pictures: str, selection: dict[str, int], expected: list[int]) -> None:
+    with Capture(pictures, realtime=False, **selection) as capture:
+        assert read_all(capture) == expected
+        assert (capture.stats.captured, capture.stats.dropped) == (20, 0)
+
+
+def test_a_slow_reader_gets_the_newest_and_is_told(pictures: str) -> None:
+    with Capture(pictures, fps=200, queue_size=2) as capture:
+        time.sleep(1.0)  # all 20 pictures have passed in 0.1 s
+        indexes = read_all(capture)
+        stats = capture.stats
+    assert indexes == [18, 19]
+    assert (stats.captured, stats.delivered, stats.dropped, stats.behind) == (20, 2, 18, True)
+
+
+def test_files_play_at_their_own_pace(pictures: str) -> None:
+    with Capture(pictures, fps=40) as capture:
+        start = time.monotonic()
+        assert len(read_all(capture)) == 20
+        elapsed = time.monotonic() - start
+        rate = capture.stats.capture_rate_hz
+    assert elapsed == pytest.approx(19 / 40, abs=0.2)
+    assert rate == pytest.approx(40, rel=0.2)
+
+
+def test_read_gives_none_after_its_timeout(pictures: str) -> None:
+    with Capture(pictures, fps=1) as capture:
+        assert capture.read(5.0) is not None
+        assert capture.read(0.05) is None
+        assert not capture.ended
+
+
+def test_closing_does_not_wait_for_a_blocked_thread(pictures: str) -> None:
+    with Capture(pictures, queue_size=1, realtime=False) as capture:
+        capture.read(5.0)
+        start = time.monotonic()
+    assert time.monotonic() - start < 1.0
+
+
+@pytest.mark.parametrize('source', ['/no/such/file.mp4', 'http://127.0.0.1:9/stream', '87'])
+def test_unopenable_sources_are_refused(source: str) -> None:
+    with pytest.raises(SourceError, match=source.lstrip('/')):
+        Capture(source)
+
+
+@pytest.mark.parametrize('selection', [{'every_nth': 0}, {'take': 3, 'of': 2}, {'take': 0}, {'queue_size': 0}])
+def test_senseless_selection_is_refused(pictures: str, selection: dict[str, int]) -> None:
+    with pytest.raises(SourceError, match='capture: expected every_nth >= 1'):
+        Capture(pictures, **selection)
+
+
+class MjpegHandler(BaseHTTPRequestHandler):
+    """Serves ten pictures, then hangs up."""
+
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.send_header('Content-Type', 'multipart/x-mixed-replace; boundary=frame')
+        self.end_headers()
+        jpeg = cv2.imencode('.jpg', np.full((48, 64, 3), 128, np.uint8))[1].tobytes()
+        for _ in range(10):
+            self.wfile.write(b'--frame\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n' % len(jpeg))
+            self.wfile.write(jpeg + b'\r\n')
+            time.sleep(0.02)
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Keep quiet."""
+
+
+@pytest.fixture
+def stream() -> Iterator[str]:
+    with ThreadingHTTPServer(('127.0.0.1', 0), MjpegHandler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f'http://127.0.0.1:{server.server_port}/stream.mjpg'
+        server.shutdown()
+
+
+def test_a_stream_that_breaks_is_opened_again(stream: str) -> None:
+    before = time.time_ns()
+    with Capture(stream) as capture:
+        frames = []
+        deadline = time.monotonic() + 30
+        while capture.stats.reconnects < 2 and time.monotonic() < deadline:
+            if (frame := capture.read(0.5)) is not None:
+                frames.append(frame)
+        reconnects = capture.stats.reconnects
+    assert reconnects >= 2
+    assert len(frames) > 10
+    stamps = [frame.stamp_ns for frame in frames]
+    assert before < stamps[0]
+    assert stamps == sorted(set(stamps))

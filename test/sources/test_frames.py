@@ -1,0 +1,127 @@
+"""open_source: what it takes for what, and what it says where it takes nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.sources.bags import BagFrames, BagWriter
+from motion_detect_ros.sources.frames import open_source
+from motion_detect_ros.sources.images import ImageSequence, decode_image, image_files
+from motion_detect_ros.sources.video import VideoFile
+from motion_detect_ros.sources.visdrone import visdrone_sequence
+
+
+def make_pictures(folder: Path, names: list[str]) -> Path:
+    folder.mkdir(exist_ok=True)
+    for index, name in enumerate(names):
+        cv2.imwrite(str(folder / name), np.full((32, 48, 3), 10 * index % 256, np.uint8))
+    return folder
+
+
+def make_video(path: Path, frames: int = 12, fps: float = 10.0) -> Path:
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*'mp4v'), fps, (64, 48))
+    for index in range(frames):
+        writer.write(np.full((48, 64, 3), 20 * index, np.uint8))
+    writer.release()
+    return path
+
+
+def test_pictures_come_in_natural_order(tmp_path: Path) -> None:
+    folder = make_pictures(tmp_path / 'p', ['f1.png', 'f2.png', 'f10.png'])
+    assert [file.name for file in image_files(folder)] == ['f1.png', 'f2.png', 'f10.png']
+    assert [int(frame.image[0, 0, 0]) for frame in open_source(folder)] == [0, 10, 20]
+
+
+def test_folder_stamps_do_not_drift(tmp_path: Path) -> None:
+    folder = make_pictures(tmp_path / 'p', [f'{n}.png' for n in range(31)])
+    stamps = [frame.stamp_ns for frame in open_source(folder, fps=30)]
+    assert stamps[:3] == [0, 33_333_333, 66_666_667]
+    assert stamps[30] == 1_000_000_000
+
+
+def test_default_rate_of_a_folder_is_25(tmp_path: Path) -> None:
+    folder = make_pictures(tmp_path / 'p', ['0000001.png', '0000002.png'])
+    assert [frame.stamp_ns for frame in open_source(folder)] == [0, 40_000_000]
+
+
+def test_an_unreadable_picture_costs_itself_and_keeps_its_index(tmp_path: Path) -> None:
+    folder = make_pictures(tmp_path / 'p', ['0.jpg', '1.jpg', '2.jpg', '3.jpg'])
+    (folder / '1.jpg').write_bytes((folder / '1.jpg').read_bytes()[:-30])
+    (folder / '2.jpg').write_bytes(b'')
+    source = open_source(folder)
+    assert [frame.index for frame in source] == [0, 3]
+    assert source.bad_frames == 2
+
+
+def test_grey_stays_grey_and_16_bit_becomes_8(tmp_path: Path) -> None:
+    grey = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    assert np.array_equal(decode_image(cv2.imencode('.png', grey)[1].tobytes(), 'grey'), grey)
+    deep = decode_image(cv2.imencode('.png', grey.astype(np.uint16) * 256)[1].tobytes(), 'deep')
+    assert deep.dtype == np.uint8
+    assert np.array_equal(deep, grey)
+
+
+def test_video_stamps_are_those_of_the_container(tmp_path: Path) -> None:
+    source = open_source(make_video(tmp_path / 'v.mp4'))
+    frames = list(source)
+    assert isinstance(source, VideoFile)
+    assert source.frame_count == len(frames) == 12
+    assert [frame.stamp_ns for frame in frames] == [index * 100_000_000 for index in range(12)]
+    # Lossy coding: the grey level within a few steps.
+    assert all(abs(int(frame.image[24, 32, 1]) - 20 * frame.index) < 8 for frame in frames)
+
+
+def test_fps_overrides_the_container(tmp_path: Path) -> None:
+    source = open_source(make_video(tmp_path / 'v.avi'), fps=50)
+    assert [frame.stamp_ns for frame in source][:3] == [0, 20_000_000, 40_000_000]
+
+
+def test_a_source_can_be_read_twice(tmp_path: Path) -> None:
+    source = open_source(make_video(tmp_path / 'v.mp4', frames=3))
+    assert [frame.stamp_ns for frame in source] == [frame.stamp_ns for frame in source]
+
+
+def test_a_bag_is_known_by_its_content(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / 'a.mcap') as writer:
+        writer.write_image(np.zeros((20, 30, 3), np.uint8), 5)
+    (tmp_path / 'a.mcap').rename(tmp_path / 'recording')
+    assert isinstance(open_source(tmp_path / 'recording'), BagFrames)
+
+
+def test_visdrone_folder_wants_numbered_pictures(tmp_path: Path) -> None:
+    assert isinstance(visdrone_sequence(make_pictures(tmp_path / 'a', ['0000001.jpg'])), ImageSequence)
+    with pytest.raises(SourceError, match=r'found holiday.jpg; expected a sequence folder with pictures 0000001.jpg'):
+        visdrone_sequence(make_pictures(tmp_path / 'b', ['holiday.jpg']))
+
+
+def test_missing_path(tmp_path: Path) -> None:
+    with pytest.raises(SourceError, match='nothing.mp4: no such file or folder'):
+        open_source(tmp_path / 'nothing.mp4')
+
+
+def test_wrong_folder_lists_what_is_there(tmp_path: Path) -> None:
+    for name in ('sequences', 'annotations'):
+        (tmp_path / name).mkdir()
+    with pytest.raises(SourceError, match=r'found annotations/, sequences/; expected pictures .* image_02/data'):
+        open_source(tmp_path)
+
+
+def test_a_text_file_is_no_video(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / 'notes.txt').write_text('no video\n' * 100)
+    with pytest.raises(SourceError, match='notes.txt: neither a bag'):
+        open_source(tmp_path / 'notes.txt')
+    (tmp_path / 'notes.txt').rename(tmp_path / 'notes.mp4')
+    with pytest.raises(SourceError, match='notes.mp4: cannot be opened as a video'):
+        open_source(tmp_path / 'notes.mp4')
+    assert capfd.readouterr().err == ''
+
+
+@pytest.mark.parametrize('fps', [0.0, -1.0, float('nan')])
+def test_frame_rate_must_be_positive(tmp_path: Path, fps: float) -> None:
+    with pytest.raises(SourceError, match='frame rate: expected a number over 0'):
+        open_source(tmp_path, fps)

@@ -1,0 +1,136 @@
+"""KITTI raw drives: layout as published, numbers read off the files by eye."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.core.types import CameraModel
+from motion_detect_ros.sources.frames import open_source
+from motion_detect_ros.sources.kitti import KittiDrive, OxtsSample, parse_stamp, read_oxts
+
+P_RECT_02 = ('7.215377e+02 0.000000e+00 6.095593e+02 4.485728e+01 0.000000e+00 7.215377e+02 1.728540e+02 '
+             '2.163791e-01 0.000000e+00 0.000000e+00 1.000000e+00 2.745884e-03')
+# Columns of dataformat.txt: lat lon alt roll pitch yaw vn ve vf vl vu ax ay az af al au wx wy wz wf wl wu pos vel ...
+OXTS = ('49.01 8.42 112.8 0.022 0.001 -1.22 -3.3 1.1 3.5 0.03 -0.03 11 12 13 14 15 16 17 18 19 20 21 22 '
+        '0.49 0.06 4 10 4 4 0')
+
+
+@pytest.fixture
+def drive(tmp_path: Path) -> Path:
+    """A drive of three pictures of 40x30 with two inertial packets."""
+    path = tmp_path / '2011_09_26' / '2011_09_26_drive_0001_sync'
+    for folder in ('image_02/data', 'oxts/data'):
+        (path / folder).mkdir(parents=True)
+    stamps = [f'2011-09-26 13:02:44.{fraction}' for fraction in ('323092481', '426', '53')]
+    for index in range(3):
+        cv2.imwrite(str(path / f'image_02/data/{index:010d}.png'), np.full((30, 40, 3), 10 * index, np.uint8))
+    (path / 'image_02/timestamps.txt').write_text('\n'.join(stamps) + '\n')
+    for index in range(2):
+        (path / f'oxts/data/{index:010d}.txt').write_text(OXTS + '\n')
+    (path / 'oxts/timestamps.txt').write_text('\n'.join(stamps[:2]) + '\n')
+    (path.parent / 'calib_cam_to_cam.txt').write_text(
+        f'calib_time: 09-Jan-2012 13:57:47\nS_rect_02: 1.242000e+03 3.750000e+02\nP_rect_02: {P_RECT_02}\n')
+    return path
+
+
+def test_stamps_are_exact_utc() -> None:
+    # date -u -d '2011-09-26 13:04:32' +%s
+    assert parse_stamp('2011-09-26 13:04:32.345808896') == 1_317_042_272_345_808_896
+    assert parse_stamp('2011-09-26 13:04:32.5') == 1_317_042_272_500_000_000
+    assert parse_stamp('2011-09-26 13:04:32') == 1_317_042_272_000_000_000
+    assert parse_stamp('1970-01-02 00:00:00.000000001') == 86_400_000_000_001
+
+
+def test_stamps_do_not_depend_on_the_time_zone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv('TZ', 'Pacific/Auckland')
+    expected = int(datetime(2012, 7, 1, 3, 4, 5, tzinfo=UTC).timestamp()) * 10**9
+    assert parse_stamp('2012-07-01 03:04:05.000000000') == expected
+
+
+@pytest.mark.parametrize('text', ['', 'yesterday', '2011-09-26T13:04:32', '2011-13-26 13:04:32', '1317042272.3'])
+def test_another_form_of_stamp_is_refused(text: str) -> None:
+    with pytest.raises(SourceError, match='time stamp'):
+        parse_stamp(text)
+
+
+def test_frames_have_the_stamps_of_their_numbers(drive: Path) -> None:
+    (drive / 'image_02/data/0000000001.png').unlink()
+    frames = list(KittiDrive(drive))
+    assert [int(frame.image[0, 0, 0]) for frame in frames] == [0, 20]
+    assert [frame.stamp_ns % 10**9 for frame in frames] == [323_092_481, 530_000_000]
+
+
+def test_calibration_is_that_of_the_rectified_colour_camera(drive: Path) -> None:
+    source = KittiDrive(drive)
+    assert source.camera == CameraModel(1242, 375, 721.5377, 721.5377, 609.5593, 172.8540)
+    assert source.calibration is not None
+    assert source.calibration.projection[0, 3] == 44.85728
+
+
+def test_oxts_columns_and_stamps(drive: Path) -> None:
+    first, second = KittiDrive(drive).oxts()
+    assert first.acceleration == (11, 12, 13)
+    assert first.angular_velocity == (17, 18, 19)
+    assert (first.roll, first.pitch, first.yaw) == (0.022, 0.001, -1.22)
+    assert (first.latitude_deg, first.longitude_deg, first.altitude_m) == (49.01, 8.42, 112.8)
+    assert first.position_accuracy_m == 0.49
+    assert second.stamp_ns - first.stamp_ns == 426_000_000 - 323_092_481
+
+
+@pytest.mark.parametrize('angles', [(0.0, 0.0, 0.0), (0.3, -0.2, 2.9), (-1.0, 1.2, -2.0)])
+def test_orientation_agrees_with_scipy(angles: tuple[float, float, float]) -> None:
+    roll, pitch, yaw = angles
+    sample = OxtsSample(0, 0, 0, 0, roll, pitch, yaw, (0, 0, 0), (0, 0, 0), 0)
+    expected = Rotation.from_euler('ZYX', [yaw, pitch, roll])
+    assert (Rotation.from_quat(sample.quaternion) * expected.inv()).magnitude() < 1e-12
+
+
+def test_a_short_oxts_packet_is_refused(drive: Path) -> None:
+    (drive / 'oxts/data/0000000000.txt').write_text('1 2 3')
+    with pytest.raises(SourceError, match='expected 30 numbers, got 3'):
+        read_oxts(drive / 'oxts/data/0000000000.txt', 0)
+
+
+def test_more_pictures_than_stamps_is_refused(drive: Path) -> None:
+    cv2.imwrite(str(drive / 'image_02/data/0000000003.png'), np.zeros((3, 3), np.uint8))
+    with pytest.raises(SourceError, match='timestamps.txt has 3 lines, none for this file'):
+        KittiDrive(drive)
+
+
+def test_a_drive_without_calibration_has_no_camera(drive: Path) -> None:
+    (drive.parent / 'calib_cam_to_cam.txt').unlink()
+    assert KittiDrive(drive).camera is None
+
+
+def test_wrong_layout_says_what_is_there_and_what_should_be(tmp_path: Path) -> None:
+    (tmp_path / 'image_00').mkdir()
+    with pytest.raises(SourceError) as caught:
+        KittiDrive(tmp_path)
+    assert 'found image_00/; expected a KITTI raw drive: image_02/data/*.png or *.jpg' in str(caught.value)
+
+
+@pytest.mark.parametrize('inside', ['', 'image_02/data'])
+def test_open_source_knows_a_drive_and_its_picture_folder(drive: Path, inside: str) -> None:
+    source = open_source(drive / inside)
+    assert isinstance(source, KittiDrive)
+    assert source.frame_count == 3
+
+
+def test_the_real_drive(clips: Path) -> None:
+    source = KittiDrive(clips / 'kitti/2011_09_26/2011_09_26_drive_0005_sync')
+    frame = next(iter(source))
+    assert frame.stamp_ns == 1_317_042_272_345_808_896
+    assert frame.image.shape == (375, 1242, 3)
+    assert source.camera == CameraModel(1242, 375, 721.5377, 721.5377, 609.5593, 172.8540)
+    # Line 1 of oxts/data/0000000000.txt and of oxts/timestamps.txt.
+    sample = source.oxts()[0]
+    assert sample.stamp_ns == 1_317_042_272_349_659_964
+    assert sample.acceleration == (-0.29437452763793, 0.037166856911681, 9.9957015129717)
+    assert sample.angular_velocity == (-0.017332142869546, 0.024792163815438, 0.14511808479348)

@@ -1,0 +1,87 @@
+"""Truth readers, against lines written by hand in the published formats."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.core.types import TRUTH_DTYPE
+from motion_detect_ros.sources.images import ImageSequence
+from motion_detect_ros.sources.truth import load_truth, read_truth, write_truth
+from motion_detect_ros.sources.visdrone import truth_of_sequence, visdrone_sequence
+
+KITTI_TAIL = '1.7 0.8 1.8 1.6 1.7 5.8 -1.7'
+
+
+def write(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+def test_visdrone_counts_frames_from_one_and_has_ignored_regions(tmp_path: Path) -> None:
+    truth = load_truth(write(tmp_path / 'a.txt', (
+        '1,0,73.6,250.6,59.5,26.2,1,4,0,0\n'     # a car
+        '3,8,10,20,30,40,1,0,0,0\n'              # category 0: ignored region
+        '3,9,11,21,31,41,0,1,0,0\n')))           # score 0: not evaluated
+    assert truth.boxes.tolist() == [
+        (0, 0, 73.6, 250.6, 59.5, 26.2, 1), (2, 8, 10, 20, 30, 40, -1), (2, 9, 11, 21, 31, 41, -1)]
+    assert (truth.form, truth.says_what_moves) == ('VisDrone MOT annotation', False)
+
+
+def test_kitti_boxes_are_left_top_right_bottom(tmp_path: Path) -> None:
+    truth = load_truth(write(tmp_path / 'a.txt', (
+        '0 -1 DontCare -1 -1 -10 219.5 188.25 245.5 218.25 -1000 -1000 -1000 -10 -1 -1 -1\n'
+        f'2 1 Cyclist 0 0 -1.9 737.5 161.5 931.0 374.0 {KITTI_TAIL}\n')))
+    assert truth.boxes.tolist() == [(0, -1, 219.5, 188.25, 26, 30, -1), (2, 1, 737.5, 161.5, 193.5, 212.5, 1)]
+    assert (truth.form, truth.says_what_moves) == ('KITTI tracking labels', False)
+
+
+def test_csv_with_and_without_moving(tmp_path: Path) -> None:
+    labelled = load_truth(write(tmp_path / 'a.csv', 'frame,id,x,y,w,h,moving\n4,7,1.5,2,3,4,0\n5,7,1,2,3,4,-1\n'))
+    assert labelled.boxes.tolist() == [(4, 7, 1.5, 2, 3, 4, 0), (5, 7, 1, 2, 3, 4, -1)]
+    assert labelled.says_what_moves
+    bare = load_truth(write(tmp_path / 'b.csv', 'frame,id,x,y,w,h\n4,7,1,2,3,4\n'))
+    assert bare.boxes['moving'].tolist() == [1]
+    assert not bare.says_what_moves
+
+
+def test_written_truth_reads_back_exactly(tmp_path: Path) -> None:
+    boxes = np.array([(0, 1, 73.6, 0.1, 1 / 3, 26.2, -1), (9, 2, -4.0, 1e-7, 5, 6, 0)], TRUTH_DTYPE)
+    write_truth(tmp_path / 'a.csv', boxes)
+    assert read_truth(tmp_path / 'a.csv').tolist() == boxes.tolist()
+
+
+@pytest.mark.parametrize(('text', 'message'), [
+    ('', 'expected a VisDrone annotation'),
+    ('hello world\n', "first line 'hello world'; expected a VisDrone annotation"),
+    ('1,0,1,2,3,4,1,4,0,0\n2,0,1,2,x,4,1,4,0,0\n', 'line 2: could not convert string to float'),
+    ('1,0,1,2,3,4,1,4,0,0\n2,0,1\n', 'line 2: '),
+    ('frame,id,x,y,w\n', 'column h is missing'),
+    ('frame,id,x,y,w,h\n1,1,1,1,1\n', 'line 2: '),
+])
+def test_malformed_truth_names_the_line(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(SourceError, match=message):
+        load_truth(write(tmp_path / 'a.txt', text))
+
+
+def test_an_excerpt_keeps_its_picture_numbers(tmp_path: Path) -> None:
+    sequence = ImageSequence([tmp_path / f'{n:07d}.jpg' for n in (102, 103)], [0, 1], 'excerpt')
+    truth = read_truth(write(tmp_path / 'a.txt', ''.join(f'{n},5,{n},0,9,9,1,4,0,0\n' for n in (101, 102, 103, 104))))
+    assert [(row['frame'], row['x']) for row in truth_of_sequence(truth, sequence)] == [(0, 102), (1, 103)]
+
+
+def test_real_annotations(clips: Path) -> None:
+    folder = clips / 'visdrone/VisDrone2019-MOT-val'
+    name = 'uav0000086_00000_v'
+    truth = load_truth(folder / f'annotations/{name}.txt')
+    # grep -c '^1,' and grep -c '^464,' of the file; its last frame is 464
+    assert np.sum(truth.boxes['frame'] == 0) == 36
+    assert truth.boxes['frame'].max() == 463
+    assert set(truth_of_sequence(truth.boxes, visdrone_sequence(folder / 'sequences' / name))['frame']) == set(range(12))
+    kitti = load_truth(clips / 'kitti/label_02/0000.txt')
+    van = kitti.boxes[(kitti.boxes['frame'] == 0) & (kitti.boxes['id'] == 0)][0]
+    assert (van['x'], van['y']) == (296.744956, 161.752147)
+    assert (van['w'], van['h']) == pytest.approx((158.481086, 130.620657), abs=1e-9)
