@@ -69,7 +69,7 @@ def inspect_bag(path: Path) -> BagReport:
 
 
 def _topic_report(name: str, msgtype: str, announced: int, stamps_ns: list[int]) -> TopicReport:
-    intervals: DoubleArray = np.diff(np.sort(np.array(stamps_ns, np.int64))) / NANOSECONDS
+    intervals: DoubleArray = np.diff(np.sort(np.array(stamps_ns, np.int64))).astype(np.float64) / NANOSECONDS
     median = float(np.median(intervals)) if len(intervals) else 0.0
     return TopicReport(
         name, msgtype, len(stamps_ns), announced, 1 / median if median else 0.0,

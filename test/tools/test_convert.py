@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -97,8 +98,7 @@ class Interrupted:
     def __getattr__(self, name: str) -> object:
         return getattr(self._source, name)
 
-    def __iter__(self):  # noqa: ANN204
-        frame: SourceFrame
+    def __iter__(self) -> Iterator[SourceFrame]:
         for frame in self._source:
             if frame.index == 2:
                 raise KeyboardInterrupt
