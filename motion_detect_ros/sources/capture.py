@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Self
 
 from motion_detect_ros.core.errors import SourceError
-from motion_detect_ros.core.types import NANOSECONDS
+from motion_detect_ros.core.types import NANOSECONDS, CameraModel
 from motion_detect_ros.sources.frames import FrameSource, SourceFrame, open_source
 from motion_detect_ros.sources.live import LiveFrames, is_address
 
@@ -105,6 +105,11 @@ class Capture:
             if self._error is not None:
                 raise self._error
             return None
+
+    @property
+    def camera(self) -> CameraModel | None:
+        """The calibration the source brings along (bag, KITTI drive), None for cameras and streams."""
+        return self._frames.camera
 
     @property
     def ended(self) -> bool:

@@ -32,6 +32,8 @@ class LiveFrames:
     The stamp is the system's time when the picture was taken from the driver, ns since 1970.
     """
 
+    camera = None
+
     def __init__(self, source: str) -> None:
         """Raises: SourceError where the first connection fails."""
         self.source = source

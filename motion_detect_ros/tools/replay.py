@@ -23,7 +23,7 @@ from motion_detect_ros.core.config import PipelineConfig, settings
 from motion_detect_ros.core.errors import FrameError, MotionDetectError, SourceError
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.presets import load_preset
-from motion_detect_ros.sources.frames import FrameSource, SourceFrame, open_source
+from motion_detect_ros.sources.frames import DEFAULT_FPS, FrameSource, SourceFrame, open_source
 from motion_detect_ros.tools.outputs import Percentiles, ReplayOutputs, Summary, Tally, write_summary
 
 OK, NOTHING, UNREADABLE, PARTIAL = 0, 1, 2, 3
@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('-o', '--output', type=Path, required=True, help='folder for the outputs')
     parser.add_argument('--preset', default='default', help='settings: default, visdrone or kitti')
     parser.add_argument('--config', help='YAML file with settings, instead of --preset')
-    parser.add_argument('--fps', type=float, help='frames/s of inputs without time stamps')
+    parser.add_argument('--fps', type=float, help=f'frames/s of inputs without time stamps (default {DEFAULT_FPS:g})')
     parser.add_argument('--topic', help='image topic of a bag that has several')
     parser.add_argument('--workers', type=int, default=1, help='processes, for several inputs')
     parser.add_argument('--live', action='store_true', help='play through the ROS nodes instead')
