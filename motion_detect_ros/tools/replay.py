@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 import motion_detect_ros
 from motion_detect_ros.core.config import PipelineConfig, settings
-from motion_detect_ros.core.errors import FrameError, MotionDetectError, SourceError
+from motion_detect_ros.core.errors import BackendError, FrameError, MotionDetectError, SourceError
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.presets import load_preset
 from motion_detect_ros.sources.frames import DEFAULT_FPS, FrameSource, SourceFrame, open_source
@@ -66,6 +66,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Replay all inputs; the exit code is that of the only input, or 3 where some of several failed."""
     if arguments.workers < 1:
         raise SourceError(f'--workers: expected 1 or more, got {arguments.workers}')
+    if arguments.live:
+        raise BackendError('--live: playing through the ROS nodes is not available here; leave --live out')
     config = load_preset(arguments.config or arguments.preset)
     jobs = make_jobs(arguments, config)
     outcomes = [*_run_parallel(jobs, arguments.workers)] if arguments.workers > 1 else [*map(run_job, jobs)]
