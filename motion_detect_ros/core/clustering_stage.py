@@ -5,17 +5,26 @@ from __future__ import annotations
 import numpy as np
 
 from motion_detect_ros.core.art2 import Art2
-from motion_detect_ros.core.background import Background, fit_background
+from motion_detect_ros.core.background import fit_background
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.contact import bearings
 from motion_detect_ros.core.ego_chain import EgoChain, LookBack
-from motion_detect_ros.core.objects import ObjectFinder
+from motion_detect_ros.core.evidence import ImagePair
+from motion_detect_ros.core.objects import MotionField, ObjectFinder
 from motion_detect_ros.core.optical_flow import HISTORY, total_to_residual
 from motion_detect_ros.core.segments import connected_segments
 from motion_detect_ros.core.tracks import Candidate, Tracker
 from motion_detect_ros.core.types import (
-    NANOSECONDS, ByteArray, CameraModel, EgoMotion, FlowField, PreparedFrame, RecordArray, empty_detections,
+    NANOSECONDS,
+    ByteArray,
+    CameraModel,
+    EgoMotion,
+    FlowField,
+    PreparedFrame,
+    RecordArray,
+    empty_detections,
 )
+from motion_detect_ros.core.warp import at_scale
 
 
 class ClusteringStage:
@@ -27,7 +36,7 @@ class ClusteringStage:
         self._chain = EgoChain()
         self._history: dict[int, ByteArray] = {}
         self._art2 = Art2(config.art2)
-        self._finder = ObjectFinder(config)
+        self._finder = ObjectFinder(config.objects)
         self._tracker = Tracker(config.tracks)
 
     def reset(self) -> None:
@@ -61,10 +70,11 @@ class ClusteringStage:
         background = fit_background(residual, self._config.background, magnitude)
         vectors = (residual - background.flow) / background.sigma_px[..., None]
         labels = self._art2.partial_fit(vectors.reshape(-1, 2)).reshape(vectors.shape[:2])
-        segments = connected_segments(labels, self._art2.prototypes, self._config.objects.join_match, 1)
+        segments = connected_segments(labels, self._art2.prototypes, self._config.objects.join_match)
         seconds = (frame.stamp_ns - back.stamp_ns) / NANOSECONDS
-        return self._finder.find(segments, residual, background, frame, earlier, back.matrix, seconds,
-                                 self._art2.names)
+        field = MotionField(residual, background, seconds, frame.scale)
+        pair = ImagePair(frame.gray, earlier, at_scale(back.matrix, frame.scale))
+        return self._finder.find(segments, field, pair, self._art2.names)
 
     def _ignored_rows(self, flow: FlowField) -> int:
         rows = self._config.preprocessing.ignore_top_px * flow.flow.shape[0] / flow.height

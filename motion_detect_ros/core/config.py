@@ -62,7 +62,7 @@ class OpticalFlowConfig:
     """Dense flow."""
 
     baseline_s: float = setting(
-        0.08, 'time over which flow is measured (the nearest whole number of frames, at least one)',
+        0.04, 'time over which flow is measured (the nearest whole number of frames, at least one)',
         low=0.001, high=2.0, unit='s')
     finest_scale: int = setting(
         2, 'finest pyramid level of DIS, 0 = full resolution', low=0, high=4)
@@ -79,7 +79,7 @@ class BackgroundConfig:
     noise_floor_px: float = setting(
         0.3, 'noise of the flow over the baseline is never taken to be smaller', low=0.01, high=10.0, unit='px')
     noise_share: float = setting(
-        0.02, 'share of the camera-caused flow that is added to the noise', low=0.0, high=1.0)
+        0.04, 'share of the camera-caused flow that is added to the noise', low=0.0, high=1.0)
 
 
 @dataclass(frozen=True)
@@ -103,19 +103,26 @@ class ObjectsConfig:
     max_area_share: float = setting(0.5, 'larger boxes are dropped, share of the image', low=0.001, high=1.0)
     join_match: float = setting(
         0.5, 'neighbouring clusters whose match is at least this are one object', low=0.0, high=1.0)
-    min_evidence: float = setting(
-        0.3, 'share of an object that must be explained better by its own motion than by the background',
-        low=0.0, high=1.0)
     evidence_sigma: float = setting(
-        2.0, 'gain in grey-value error, in units of the image noise, that counts as evidence', low=0.1, high=100.0)
+        3.0, "how much better an object's own motion must explain a pixel, units of the image noise",
+        low=0.1, high=100.0)
+    peak_share: float = setting(
+        0.15, 'pixels whose gain is under this share of the strongest ones are shadow or blur', low=0.0, high=1.0)
+    min_fill: float = setting(
+        0.1, 'smallest share of a box that must be explained by its own motion', low=0.0, high=1.0)
+    closing_px: int = setting(
+        9, 'gaps up to this size within an object are closed', low=1, high=99, unit='px')
+    join_gap_share: float = setting(
+        0.25, "patches of one motion are joined across a gap up to this share of the smaller one's size",
+        low=0.0, high=5.0)
 
 
 @dataclass(frozen=True)
 class TracksConfig:
     """Identity over time."""
 
-    confirm_hits: int = setting(3, 'detections before a track is reported', low=1, high=100)
-    confirm_frames: int = setting(5, 'frames within which they must come', low=1, high=100)
+    confirm_hits: int = setting(4, 'detections before a track is reported', low=1, high=100)
+    confirm_frames: int = setting(6, 'frames within which they must come', low=1, high=100)
     coast_frames: int = setting(3, 'frames a confirmed track lives without detection', low=0, high=100)
     gate_sigma: float = setting(3.0, 'association gate, standard deviations', low=0.5, high=20.0)
 

@@ -5,12 +5,24 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from motion_detect_ros.core.affine import AffineFit, affine_matrix, affine_params, refine_affine
+from motion_detect_ros.core.affine import (
+    AffineFit,
+    affine_matrix,
+    affine_params,
+    refine_affine,
+)
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.features import even_corners
 from motion_detect_ros.core.kalman import ParameterKalman
 from motion_detect_ros.core.types import (
-    NANOSECONDS, CameraModel, DoubleArray, EgoMotion, EgoStatus, FloatArray, MotionModel, PreparedFrame,
+    NANOSECONDS,
+    CameraModel,
+    DoubleArray,
+    EgoMotion,
+    EgoStatus,
+    FloatArray,
+    MotionModel,
+    PreparedFrame,
 )
 
 #: Corners that must be tracked, and that must agree, before an estimate is believed.

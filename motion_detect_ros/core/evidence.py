@@ -2,8 +2,12 @@
 
 Two hypotheses for every pixel of a candidate: it moved with the background, or with the object. Each predicts the
 pixel from the earlier frame; the gain is the drop in squared error from the first to the second, in units of the
-image noise, summed over a small window. Leaked flow around an object and false flow on textureless ground gain
-nothing; uncovered background is explained by neither.
+image noise, averaged over a small window. Leaked flow around an object and false flow on textureless ground gain
+nothing.
+
+Where the object has just left, plain background may be explained by its motion too (the ghost of every difference
+image). A pixel of the object at p was at p - motion before, and there the image changed as well; for a ghost that
+place lies behind the object, where nothing changed.
 """
 
 from __future__ import annotations
@@ -13,28 +17,15 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from motion_detect_ros.core.boxes import Box
 from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
 from motion_detect_ros.core.warp import apply
 
-#: Window over which the gain is averaged, pixels.
-WINDOW_PX = 5
+#: Window over which errors are averaged, and slack in position of "the image changed there", pixels.
+WINDOW_PX = 3
+SLACK_PX = 5
 #: Grey levels under which image noise is never taken to be (quantisation, compression).
 MIN_NOISE_GRAY = 1.5
-
-
-@dataclass(frozen=True)
-class Box:
-    """Left, top, right, bottom in working-resolution pixels; right and bottom are exclusive."""
-
-    left: int
-    top: int
-    right: int
-    bottom: int
-
-    def grown(self, margin: int, width: int, height: int) -> Box:
-        """The box with ``margin`` on every side, cut to the image."""
-        return Box(max(0, self.left - margin), max(0, self.top - margin),
-                   min(width, self.right + margin), min(height, self.bottom + margin))
 
 
 @dataclass(frozen=True)
@@ -45,25 +36,38 @@ class ImagePair:
     earlier: ByteArray
     matrix: DoubleArray
 
-    def error(self, box: Box, motion: FloatArray) -> FloatArray:
-        """Grey-value error in ``box`` if its pixels moved by ``motion`` on top of the ego-motion.
-
-        motion: (2,) or (h, w, 2), pixels. Returns (h, w) float32.
-        """
-        y, x = np.mgrid[box.top:box.bottom, box.left:box.right].astype(np.float32)
-        points = np.stack([x, y], axis=-1)
+    def error(self, points: FloatArray, motion: FloatArray) -> FloatArray:
+        """Grey-value error at ``points`` (h, w, 2) if they moved by ``motion`` on top of the ego-motion, pixels."""
         origin = apply(np.linalg.inv(self.matrix), points - motion)
-        predicted = cv2.remap(self.earlier, origin, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        current = self.current[box.top:box.bottom, box.left:box.right]
-        difference: FloatArray = current.astype(np.float32) - predicted.astype(np.float32)
+        difference: FloatArray = _sample(self.current, points) - _sample(self.earlier, origin)
         return difference
 
 
-def gain_map(pair: ImagePair, box: Box, background: FloatArray, motion: FloatArray, noise_gray: float) -> FloatArray:
-    """(h, w) float32: mean drop in squared error over the window, in units of the noise variance."""
-    gain = pair.error(box, background) ** 2 - pair.error(box, motion) ** 2
-    smooth: FloatArray = cv2.blur(gain, (WINDOW_PX, WINDOW_PX))
-    return smooth / np.float32(noise_gray ** 2)
+@dataclass(frozen=True)
+class Support:
+    """``mask``: (h, w) pixels that belong to the moving object; ``gain``: (h, w) what they are judged by."""
+
+    mask: BoolArray
+    gain: FloatArray
+
+
+def support(
+    pair: ImagePair, box: Box, background: FloatArray, motion: FloatArray, noise_gray: float, threshold_sigma: float,
+) -> Support:
+    """Which pixels of ``box`` the motion explains better than the background, by ``threshold_sigma`` noise levels.
+
+    background, motion: (2,) or (h, w, 2), pixels over the pair, beyond the ego-motion; noise_gray: one deviation.
+    """
+    points = box.points()
+    still = _windowed_square(pair.error(points, background))
+    moved = _windowed_square(pair.error(points, motion))
+    gain = (still - moved) / np.float32(noise_gray ** 2)
+    changed = (still > (noise_gray * threshold_sigma) ** 2).astype(np.uint8)
+    changed = cv2.dilate(changed, np.ones((SLACK_PX, SLACK_PX), np.uint8))
+    source = points - (motion - background) - np.float32([box.left, box.top])
+    came_from_change = cv2.remap(changed, source.astype(np.float32), None, cv2.INTER_NEAREST,
+                                 borderMode=cv2.BORDER_CONSTANT)
+    return Support((gain > threshold_sigma ** 2) & (came_from_change > 0), gain)
 
 
 def image_noise(pair: ImagePair, points: FloatArray, background: FloatArray) -> float:
@@ -71,24 +75,16 @@ def image_noise(pair: ImagePair, points: FloatArray, background: FloatArray) -> 
 
     points: (n, m, 2) sample positions; background: (n, m, 2) motion beyond the ego-motion there, working pixels.
     """
-    origin = apply(np.linalg.inv(pair.matrix), points - background)
-    predicted = cv2.remap(pair.earlier, origin, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    seen = cv2.remap(pair.current, points, None, cv2.INTER_LINEAR)
-    spread = float(np.median(np.abs(seen.astype(np.float32) - predicted.astype(np.float32))))
+    spread = float(np.median(np.abs(pair.error(points, background))))
     return max(MIN_NOISE_GRAY, 1.4826 * spread)
 
 
-def supported_box(supported: BoolArray, inside: BoolArray, min_pixels: int) -> tuple[Box | None, int]:
-    """Bounds of the supported patches that touch the candidate, and how many pixels they have.
+def _sample(image: ByteArray, points: FloatArray) -> FloatArray:
+    values = cv2.remap(image, points, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    sampled: FloatArray = values.astype(np.float32)
+    return sampled
 
-    supported, inside: (h, w); patches under ``min_pixels`` are noise. None where nothing is left.
-    """
-    count, patches, stats, _ = cv2.connectedComponentsWithStats(supported.astype(np.uint8), connectivity=8)
-    touching = np.bincount(patches[inside], minlength=count) > 0
-    keep = np.flatnonzero(touching & (stats[:, cv2.CC_STAT_AREA] >= min_pixels))
-    keep = keep[keep > 0]
-    if not len(keep):
-        return None, 0
-    left, top, width, height, area = stats[keep].T
-    box = Box(int(left.min()), int(top.min()), int((left + width).max()), int((top + height).max()))
-    return box, int(area.sum())
+
+def _windowed_square(error: FloatArray) -> FloatArray:
+    mean: FloatArray = cv2.blur(error * error, (WINDOW_PX, WINDOW_PX))
+    return mean

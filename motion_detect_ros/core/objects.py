@@ -1,70 +1,138 @@
-"""From segments of clustered cells to candidate objects with boxes refined on the image."""
+"""From segments of clustered cells to candidate objects, with boxes fitted on the images."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from motion_detect_ros.core.background import Background
-from motion_detect_ros.core.config import PipelineConfig
-from motion_detect_ros.core.evidence import Box, ImagePair, gain_map, image_noise, supported_box
+from motion_detect_ros.core.boxes import (
+    Box,
+    Patch,
+    bounding_patch,
+    connected_patches,
+    joined_patches,
+)
+from motion_detect_ros.core.config import ObjectsConfig
+from motion_detect_ros.core.evidence import ImagePair, Support, image_noise, support
 from motion_detect_ros.core.segments import Segment
 from motion_detect_ros.core.tracks import Candidate
-from motion_detect_ros.core.types import ByteArray, DoubleArray, FloatArray, PreparedFrame
-from motion_detect_ros.core.warp import at_scale, grid_points
+from motion_detect_ros.core.types import BoolArray, FloatArray
+from motion_detect_ros.core.warp import grid_points
+
+#: A segment's surroundings that its object may reach into, working-resolution pixels.
+MARGIN_PX = 8
+#: Fewer supported pixels than this are noise.
+MIN_PIXELS = 8
+#: The gain that a patch's strongest pixels reach, as a percentile.
+PEAK_PERCENTILE = 90.0
+
+
+@dataclass(frozen=True)
+class MotionField:
+    """What the grid says about one frame.
+
+    ``residual``: (gh, gw, 2) motion beyond the ego-motion, full-resolution pixels over ``seconds``, NaN = unknown;
+    ``background``: what of it is the background's; ``scale``: working / full resolution.
+    """
+
+    residual: FloatArray
+    background: Background
+    seconds: float
+    scale: float
+
+    def own_motion(self, top: int, bottom: int, left: int, right: int) -> FloatArray:
+        """Median motion against the background of the faster half of the cells in a window (the rest is leaked)."""
+        own = (self.residual - self.background.flow)[top:bottom, left:right].reshape(-1, 2)
+        own = own[np.isfinite(own[:, 0])]
+        if not len(own):
+            return np.zeros(2, np.float32)
+        length = np.hypot(own[:, 0], own[:, 1])
+        median: FloatArray = np.median(own[length >= np.median(length)], axis=0)
+        return median
 
 
 class ObjectFinder:
-    """Checks every segment against the images and fits its box."""
+    """Checks every segment against the images and fits its boxes."""
 
-    def __init__(self, config: PipelineConfig) -> None:
-        self._config = config.objects
+    def __init__(self, config: ObjectsConfig) -> None:
+        self._config = config
 
     def find(
-        self, segments: list[Segment], residual: FloatArray, background: Background, frame: PreparedFrame,
-        earlier: ByteArray, matrix: DoubleArray, seconds: float, names: npt.NDArray[np.uint32],
+        self, segments: list[Segment], field: MotionField, pair: ImagePair, names: npt.NDArray[np.uint32],
     ) -> list[Candidate]:
-        """Candidates in full-resolution pixels.
-
-        residual: (gh, gw, 2) full-resolution pixels over ``seconds``; matrix: (3, 3) earlier -> current, full
-        resolution; names: (K,) number of each neuron.
-        """
+        """Candidates in full-resolution pixels. names: (K,) number of each ART2 neuron."""
         if not segments:
             return []
-        pair = ImagePair(frame.gray, earlier, at_scale(matrix, frame.scale))
-        rows, columns = residual.shape[:2]
-        height, width = frame.gray.shape
-        noise = image_noise(pair, grid_points(rows, columns, width, height), background.flow * np.float32(frame.scale))
-        found = (self._candidate(s, residual, background, pair, noise, frame.scale, seconds, names) for s in segments)
-        return [candidate for candidate in found if candidate is not None]
-
-    def _candidate(
-        self, segment: Segment, residual: FloatArray, background: Background, pair: ImagePair, noise_gray: float,
-        scale: float, seconds: float, names: npt.NDArray[np.uint32],
-    ) -> Candidate | None:
-        r, c = segment.rows, segment.columns
-        motion = np.median(residual[r, c], axis=0)
-        still = np.median(background.flow[r, c], axis=0)
+        rows, columns = field.residual.shape[:2]
         height, width = pair.current.shape
-        cell_h, cell_w = height / residual.shape[0], width / residual.shape[1]
-        cells = Box(int(c.min() * cell_w), int(r.min() * cell_h),
-                    int(np.ceil((c.max() + 1) * cell_w)), int(np.ceil((r.max() + 1) * cell_h)))
-        roi = cells.grown(8, width, height)
-        gain = gain_map(pair, roi, still * np.float32(scale), motion * np.float32(scale), noise_gray)
-        inside = np.zeros(residual.shape[:2], bool)
-        inside[r, c] = True
-        ys = np.minimum((np.arange(roi.top, roi.bottom) / cell_h).astype(int), residual.shape[0] - 1)
-        xs = np.minimum((np.arange(roi.left, roi.right) / cell_w).astype(int), residual.shape[1] - 1)
-        box, pixels = supported_box(gain > self._config.evidence_sigma ** 2, inside[np.ix_(ys, xs)], 6)
-        if box is None:
-            return None
-        share = pixels / ((box.right - box.left) * (box.bottom - box.top))
-        size = np.array([box.right - box.left, box.bottom - box.top]) / scale
-        if share < self._config.min_evidence or size.min() < self._config.min_side_px:
-            return None
-        if size.prod() * scale * scale > self._config.max_area_share * width * height:
-            return None
-        centre = (np.array([box.left + box.right, box.top + box.bottom]) / 2.0
-                  + [roi.left, roi.top]) / scale
-        return Candidate(centre, size, (motion - still).astype(float) / seconds, pixels / scale ** 2,
-                         float(min(1.0, share)), int(names[segment.neuron]))
+        still = field.background.flow * np.float32(field.scale)
+        noise_gray = image_noise(pair, grid_points(rows, columns, width, height), still)
+        return [self._candidate(patch, field, pair, int(names[segment.neuron]))
+                for segment in segments for patch in self._patches(segment, field, pair, noise_gray)]
+
+    def _patches(self, segment: Segment, field: MotionField, pair: ImagePair, noise_gray: float) -> list[Patch]:
+        """Patches of the image around one segment that its motion explains, working-resolution pixels."""
+        height, width = pair.current.shape
+        cells = (segment.rows, segment.columns)
+        region = self._region(segment, field, width, height)
+        motion = np.median(field.residual[cells], axis=0) * np.float32(field.scale)
+        still = np.median(field.background.flow[cells], axis=0) * np.float32(field.scale)
+        seen = support(pair, region, still, motion, noise_gray, self._config.evidence_sigma)
+        inside = _cell_mask(segment, field.residual.shape[:2], region, width, height)
+        found = self._supported(seen, inside)
+        joined = joined_patches(found, self._config.join_gap_share)
+        return [patch.moved(region.left, region.top) for patch in joined if self._plausible(patch, width * height)]
+
+    @staticmethod
+    def _region(segment: Segment, field: MotionField, width: int, height: int) -> Box:
+        rows, columns = field.residual.shape[:2]
+        r, c = segment.rows, segment.columns
+        box = Box(int(c.min()) * width // columns, int(r.min()) * height // rows,
+                  -(-(int(c.max()) + 1) * width // columns), -(-(int(r.max()) + 1) * height // rows))
+        return box.grown(MARGIN_PX, width, height)
+
+    def _supported(self, seen: Support, inside: BoolArray) -> list[Patch]:
+        """Patches that touch the segment, cut down to the pixels near their strongest gain.
+
+        A soft shadow moves with its object, but its gain is far below that of the object's own edges.
+        """
+        found = []
+        for mask in connected_patches(seen.mask, self._config.closing_px):
+            if not (mask & inside).any() or np.count_nonzero(mask) < MIN_PIXELS:
+                continue
+            peak = np.percentile(seen.gain[mask], PEAK_PERCENTILE)
+            strong = mask & (seen.gain > self._config.peak_share * peak)
+            if np.count_nonzero(strong) >= MIN_PIXELS:
+                found.append(bounding_patch(strong))
+        return found
+
+    def _plausible(self, patch: Patch, image_area: int) -> bool:
+        config = self._config
+        return (patch.fill >= config.min_fill and min(patch.box.width, patch.box.height) >= config.min_side_px
+                and patch.box.area <= config.max_area_share * image_area)
+
+    @staticmethod
+    def _candidate(patch: Patch, field: MotionField, pair: ImagePair, name: int) -> Candidate:
+        box, scale = patch.box, field.scale
+        rows, columns = field.residual.shape[:2]
+        height, width = pair.current.shape
+        motion = field.own_motion(
+            box.top * rows // height, -(-box.bottom * rows // height),
+            box.left * columns // width, -(-box.right * columns // width))
+        centre = np.array([box.left + box.right, box.top + box.bottom]) / (2.0 * scale)
+        size = np.array([box.width, box.height]) / scale
+        return Candidate(centre, size, motion.astype(np.float64) / field.seconds, patch.pixels / scale ** 2,
+                         patch.fill, name)
+
+
+def _cell_mask(segment: Segment, grid: tuple[int, ...], region: Box, width: int, height: int) -> BoolArray:
+    """The segment's cells as pixels of ``region``."""
+    cells = np.zeros(grid, np.bool_)
+    cells[segment.rows, segment.columns] = True
+    ys = np.arange(region.top, region.bottom) * grid[0] // height
+    xs = np.arange(region.left, region.right) * grid[1] // width
+    mask: BoolArray = cells[np.ix_(ys, xs)]
+    return mask

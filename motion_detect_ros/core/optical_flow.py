@@ -7,7 +7,14 @@ import numpy as np
 
 from motion_detect_ros.core.config import OpticalFlowConfig, PipelineConfig
 from motion_detect_ros.core.ego_chain import EgoChain, LookBack
-from motion_detect_ros.core.types import ByteArray, DoubleArray, EgoMotion, FloatArray, FlowField, PreparedFrame
+from motion_detect_ros.core.types import (
+    ByteArray,
+    DoubleArray,
+    EgoMotion,
+    FloatArray,
+    FlowField,
+    PreparedFrame,
+)
 from motion_detect_ros.core.warp import apply, at_scale, grid_points, stabilise
 
 #: Earlier grey images kept, frames.

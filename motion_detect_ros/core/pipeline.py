@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from time import perf_counter
 
-import numpy.typing as npt
 import numpy as np
+import numpy.typing as npt
 
 from motion_detect_ros.core.clustering_stage import ClusteringStage
 from motion_detect_ros.core.config import PipelineConfig

@@ -24,7 +24,7 @@ class Segment:
     neuron: int
 
 
-def connected_segments(labels: LabelArray, prototypes: FloatArray, join_match: float, min_cells: int) -> list[Segment]:
+def connected_segments(labels: LabelArray, prototypes: FloatArray, join_match: float) -> list[Segment]:
     """Connected components (8 neighbours) of foreground cells whose neurons match at least ``join_match``.
 
     labels: (gh, gw) int32, 0 = background, negative = not presented; prototypes: (K, 2).
@@ -36,7 +36,7 @@ def connected_segments(labels: LabelArray, prototypes: FloatArray, join_match: f
     rows, columns = rows[order], columns[order]
     bounds = np.flatnonzero(np.diff(components[rows, columns])) + 1
     pieces = zip(np.split(rows, bounds), np.split(columns, bounds), strict=True)
-    return [Segment(r, c, int(np.bincount(labels[r, c]).argmax())) for r, c in pieces if len(r) >= max(1, min_cells)]
+    return [Segment(r, c, int(np.bincount(labels[r, c]).argmax())) for r, c in pieces if len(r)]
 
 
 @numba.njit(cache=True, nogil=True)
