@@ -1,0 +1,43 @@
+# make demo and make test need nothing but Python 3.11 or 3.12 with venv; each sets up .venv by itself.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.ready
+
+export VIRTUAL_ENV := $(CURDIR)/$(VENV)
+export AMENT_PREFIX_PATH := $(VIRTUAL_ENV)
+export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
+export ROS_HOME ?= $(CURDIR)/$(VENV)/ros_home
+
+.PHONY: setup demo test lint bench clean
+
+setup: $(STAMP)
+
+$(STAMP): requirements.lock setup.py setup.cfg pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' || \
+	  { echo "motion_detect_ros: expected Python 3.11 or 3.12 as $(PYTHON), got $$($(PYTHON) --version 2>&1); set PYTHON=" >&2; exit 2; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
+	  { echo "motion_detect_ros: $(PYTHON) has no venv module; install python3-venv" >&2; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@mkdir -p $(VENV)/lib/motion_detect_ros
+	@for node in camera ego_motion optical_flow art2_clustering pipeline overlay bag_player; do \
+	  ln -sf ../../bin/$$node $(VENV)/lib/motion_detect_ros/$$node; done
+	@touch $@
+
+demo: $(STAMP)
+	$(BIN)/python -m motion_detect_ros demo
+
+test: lint
+	$(BIN)/python -m pytest
+
+lint: $(STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+bench: $(STAMP)
+	$(BIN)/python -m motion_detect_ros bench
+
+clean:
+	rm -rf $(VENV) build install log out *.egg-info

@@ -1,0 +1,44 @@
+"""One source tree for `colcon build` (ament_python) and `pip install`."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+PACKAGE = 'motion_detect_ros'
+NODES = ('camera', 'ego_motion', 'optical_flow', 'art2_clustering', 'pipeline', 'overlay', 'bag_player')
+
+setup(
+    name=PACKAGE,
+    version='0.1.0',
+    description='Moving-object detection from a single moving camera: ROS 2 nodes and offline tools',
+    license='Apache-2.0',
+    maintainer='motion_detect_ros maintainers',
+    maintainer_email='maintainers@motion-detect-ros.example.org',
+    packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
+    python_requires='>=3.11',
+    install_requires=[
+        'setuptools',
+        'mcap>=1.1',
+        'numba>=0.59',
+        'numpy>=1.26',
+        'opencv-python-headless>=4.6',
+        'PyYAML>=6.0',
+        'rosbags>=0.10.4',
+        'scipy>=1.11',
+        'tqdm>=4.60',
+        'zstandard>=0.20',
+    ],
+    extras_require={
+        'ros': ['ros-jazzy-rclpy', 'ros-jazzy-common-interfaces', 'ros-jazzy-rmw-fastrtps-cpp'],
+        'test': ['hypothesis', 'mypy', 'pytest', 'pytest-cov', 'pytest-timeout', 'ruff',
+                 'types-PyYAML', 'types-tqdm'],
+    },
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
+        (f'share/{PACKAGE}', ['package.xml']),
+        (f'share/{PACKAGE}/config', sorted(glob('config/*.*'))),
+        (f'share/{PACKAGE}/launch', sorted(glob('launch/*.launch.py'))),
+    ],
+    zip_safe=True,
+    entry_points={'console_scripts': [f'{node} = {PACKAGE}.nodes.{node}:main' for node in NODES]},
+)
