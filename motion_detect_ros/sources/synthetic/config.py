@@ -58,7 +58,7 @@ class FlightConfig:
     approach_m_s: float = setting(0.0, 'constant speed along the optical axis on top of the flight',
                                   low=-60.0, high=60.0, unit='m/s')
     shake_deg: float = setting(0.06, 'standard deviation of the shake of each camera angle', low=0.0, high=5.0, unit='deg')
-    focal_px: float = setting(800.0, 'focal length at zoom 1', low=50.0, high=20000.0, unit='px')
+    focal_px: float = setting(720.0, 'focal length at zoom 1', low=50.0, high=20000.0, unit='px')
     zoom_share: float = setting(0.04, 'amplitude of the slow zoom, share of the focal length', low=0.0, high=0.5)
 
     blur: float = setting(0.3, 'exposure time, share of the frame interval (motion blur)', low=0.0, high=1.0)

@@ -22,9 +22,7 @@ def motion_blur(image: FloatArray, flow: FloatArray, exposure: float) -> FloatAr
     """
     if exposure <= 0:
         return image
-    longest = float(np.sqrt((flow.astype(np.float32) ** 2).sum(axis=2).max())) * exposure
-    taps = min(_MAX_TAPS, max(2, math.ceil(longest) + 1))
-    return np.asarray(_smear(image, flow, np.float32(exposure), taps))
+    return np.asarray(_smear(image, flow, np.float32(exposure)))
 
 
 def expose(image: FloatArray, config: FlightConfig, index: int) -> ByteArray:
@@ -37,20 +35,22 @@ def expose(image: FloatArray, config: FlightConfig, index: int) -> ByteArray:
     return np.asarray(np.clip(np.rint(bright), 0, 255), dtype=np.uint8)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _smear(image: Any, flow: Any, exposure: Any, taps: int) -> Any:
-    height, width, channels = image.shape
+@numba.njit(cache=True, nogil=True, error_model='numpy')  # type: ignore[untyped-decorator, unused-ignore]
+def _smear(image: Any, flow: Any, exposure: Any) -> Any:
+    height, width = flow.shape[:2]
     out = np.zeros_like(image)
-    weight = np.float32(1.0 / taps)
     for row in range(height):
         for column in range(width):
+            length = exposure * math.sqrt(flow[row, column, 0] ** 2 + flow[row, column, 1] ** 2)
+            taps = min(_MAX_TAPS, max(2, int(math.ceil(length)) + 1))  # no more than a pixel apart
+            weight = np.float32(1.0 / taps)
             for k in range(taps):
                 share = exposure * np.float32(k / (taps - 1) - 0.5)
-                x = min(max(np.float32(column) + share * flow[row, column, 0], np.float32(0)), np.float32(width - 1.001))
-                y = min(max(np.float32(row) + share * flow[row, column, 1], np.float32(0)), np.float32(height - 1.001))
-                left, top = int(x), int(y)
-                a, b = x - np.float32(left), y - np.float32(top)
-                for c in range(channels):
+                x = max(np.float32(column) + share * flow[row, column, 0], np.float32(0))
+                y = max(np.float32(row) + share * flow[row, column, 1], np.float32(0))
+                left, top = min(int(x), width - 2), min(int(y), height - 2)
+                a, b = min(x - np.float32(left), np.float32(1)), min(y - np.float32(top), np.float32(1))
+                for c in range(3):
                     upper = image[top, left, c] + a * (image[top, left + 1, c] - image[top, left, c])
                     lower = image[top + 1, left, c] + a * (image[top + 1, left + 1, c] - image[top + 1, left, c])
                     out[row, column, c] += weight * (upper + b * (lower - upper))

@@ -38,11 +38,11 @@ class Material(IntEnum):
 class Atlas:
     """All textures with their mipmaps in one array.
 
-    ``texels``: (n, 4) uint8, blue green red and fine-detail strength; ``offset, size``: (materials, levels) int64,
+    ``texels``: (n,) uint32, from the lowest byte up blue, green, red, fine-detail strength; ``offset, size``: (materials, levels) int64,
     first texel and side length (a power of two) of each level; the last level is 1 x 1.
     """
 
-    texels: ByteArray
+    texels: np.ndarray[tuple[int, ...], np.dtype[np.uint32]]
     offset: np.ndarray[tuple[int, ...], np.dtype[np.int64]]
     size: np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 
@@ -85,7 +85,8 @@ def build_atlas(textures: list[ByteArray]) -> Atlas:
             parts.append(level.reshape(-1, 4))
             used += level.shape[0] ** 2
             level = _halve(level)
-    return Atlas(np.ascontiguousarray(np.concatenate(parts)), offset, size)
+    bytes_ = np.ascontiguousarray(np.concatenate(parts))
+    return Atlas(bytes_.view('<u4')[:, 0].astype(np.uint32), offset, size)
 
 
 def canopy_masks(seed: int, count: int = 6, size: int = 64) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:

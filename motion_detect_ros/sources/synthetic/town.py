@@ -18,6 +18,7 @@ from motion_detect_ros.sources.synthetic.textures import Material
 _PAINTS: tuple[Vector, ...] = (
     (0.95, 0.95, 0.95), (0.75, 0.75, 0.72), (0.16, 0.16, 0.18), (0.22, 0.18, 0.72), (0.62, 0.30, 0.16),
     (0.35, 0.36, 0.38), (0.30, 0.62, 0.80), (0.28, 0.36, 0.20))
+_VAN_PAINTS: tuple[Vector, ...] = ((0.95, 0.95, 0.95), (0.75, 0.75, 0.72), (0.55, 0.32, 0.20), (0.25, 0.70, 0.85))
 _WALLS: tuple[Vector, ...] = ((0.80, 0.92, 0.97), (0.72, 0.80, 0.88), (0.92, 0.92, 0.92), (0.62, 0.76, 0.86))
 _ROOFS: tuple[Vector, ...] = ((0.28, 0.36, 0.72), (0.30, 0.32, 0.45), (0.42, 0.42, 0.44), (0.22, 0.30, 0.58))
 _CLOTHES: tuple[Vector, ...] = (
@@ -165,7 +166,7 @@ def _trees(plan: Plan, count: int, buildings: list[Body], rng: np.random.Generat
 def _vehicle(x: float, y: float, heading: float, speed: float, rng: np.random.Generator, vans: float) -> Body:
     if rng.random() < vans:
         size = (float(rng.uniform(5.0, 6.2)), 2.0, float(rng.uniform(2.2, 2.7)))
-        return Body(solids.van(*size, _choice(rng, _PAINTS[:3])), x, y, heading, size, speed)
+        return Body(solids.van(*size, _choice(rng, _VAN_PAINTS)), x, y, heading, size, speed)
     size = (float(rng.uniform(3.9, 4.8)), float(rng.uniform(1.7, 1.85)), float(rng.uniform(1.4, 1.6)))
     return Body(solids.car(*size, _choice(rng, _PAINTS)), x, y, heading, size, speed)
 

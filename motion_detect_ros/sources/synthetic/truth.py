@@ -91,16 +91,17 @@ def exact_flow(
     """
     position = current.position - scene.speed[:, None] * scene.ahead * (current.pose.time_s - previous.pose.time_s)
     back = plane_maps(scene, current.listed, previous.pose, position)
-    to_previous = np.matmul(back, current.to_patch)
+    to_previous = np.zeros_like(back)
+    to_previous[current.listed] = np.matmul(back[current.listed], current.to_patch[current.listed])
     flow = np.empty((*owner.shape, 2), np.float32)
     seen = np.empty(owner.shape, np.bool_)
     _flow(owner, to_previous, current.to_patch, previous_ids, previous.to_patch, scene.body, flow, seen)
     return flow, seen
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@numba.njit(cache=True, nogil=True, error_model='numpy')  # type: ignore[untyped-decorator, unused-ignore]
 def _flow(
-    owner: Any, to_previous: Any, to_patch: Any, previous_ids: Any, previous_to_patch: Any, body: Any, flow: Any, seen: Any,
+    owner: Any, h: Any, g: Any, previous_ids: Any, previous_to_patch: Any, body: Any, flow: Any, seen: Any,
 ) -> None:
     height, width = owner.shape
     for row in range(height):
@@ -109,20 +110,20 @@ def _flow(
             if p < 0:
                 flow[row, column, 0], flow[row, column, 1], seen[row, column] = 0.0, 0.0, False
                 continue
-            h, g = to_previous[p], to_patch[p]
-            scale = h[2, 0] * column + h[2, 1] * row + h[2, 2]
-            x = (h[0, 0] * column + h[0, 1] * row + h[0, 2]) / scale
-            y = (h[1, 0] * column + h[1, 1] * row + h[1, 2]) / scale
+            scale = h[p, 2, 0] * column + h[p, 2, 1] * row + h[p, 2, 2]
+            inverse = 1.0 / scale
+            x = (h[p, 0, 0] * column + h[p, 0, 1] * row + h[p, 0, 2]) * inverse
+            y = (h[p, 1, 0] * column + h[p, 1, 1] * row + h[p, 1, 2]) * inverse
             flow[row, column, 0], flow[row, column, 1] = column - x, row - y
-            near = (g[2, 0] * column + g[2, 1] * row + g[2, 2]) / scale
+            near = (g[p, 2, 0] * column + g[p, 2, 1] * row + g[p, 2, 2]) * inverse
             seen[row, column] = 0 <= x <= width - 1 and 0 <= y <= height - 1 and _was_seen(
                 p, x, y, near, previous_ids, previous_to_patch, body)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True)  # type: ignore[untyped-decorator, unused-ignore]
 def _was_seen(p: int, x: float, y: float, near: float, ids: Any, to_patch: Any, body: Any) -> bool:
     """Whether the sample nearest to (x, y) of the previous frame shows patch ``p``, or its body at the same depth."""
-    q = ids[int(np.rint((y + 0.5) * SUPER - 0.5)), int(np.rint((x + 0.5) * SUPER - 0.5))]
+    q = ids[int((y + 0.5) * SUPER), int((x + 0.5) * SUPER)]
     if q == p or q < 0:
         return bool(q == p)
     if body[q] != body[p] or p == GROUND:
@@ -131,7 +132,7 @@ def _was_seen(p: int, x: float, y: float, near: float, ids: Any, to_patch: Any, 
     return bool(abs(g[2, 0] * x + g[2, 1] * y + g[2, 2] - near) <= _SAME_DEPTH * near)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@numba.njit(cache=True, nogil=True, error_model='numpy')  # type: ignore[untyped-decorator, unused-ignore]
 def _bounds(owner: Any, body: Any, bodies: int) -> Any:
     """(bodies, 5) int64: first column, first row, last column, last row, number of pixels."""
     out = np.zeros((bodies, 5), np.int64)
