@@ -50,13 +50,13 @@ def refine_affine(points: FloatArray, moved: FloatArray, params: DoubleArray, it
     """
     design = np.column_stack([np.ones(len(points)), points]).astype(np.float64)
     target = (moved - points).astype(np.float64)
-    solution = params.reshape(2, 3).T.copy()
+    solution: DoubleArray = params.reshape(2, 3).T.astype(np.float64)
     weights = np.ones(len(points))
     for _ in range(iterations):
         distance, sigma = _distances(design, target, solution)
         weights = np.clip(1.0 - (distance / (TUKEY_C * sigma)) ** 2, 0.0, None) ** 2
         weighted = design * weights[:, None]
-        solution = np.linalg.lstsq(weighted.T @ design, weighted.T @ target, rcond=None)[0]
+        solution = np.asarray(np.linalg.lstsq(weighted.T @ design, weighted.T @ target, rcond=None)[0], np.float64)
     return _summary(design, target, solution, weights)
 
 

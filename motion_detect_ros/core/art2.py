@@ -103,7 +103,7 @@ class Art2:
 
 
 @numba.njit(cache=True, nogil=True, fastmath=False)
-def similarity(sx: float, sy: float, tx: float, ty: float) -> float:
+def similarity(sx, sy, tx, ty):  # type: ignore[no-untyped-def]
     """Match of an input with a prototype, in [0, 1]; see the module's docstring."""
     distance = np.sqrt((sx - tx) ** 2 + (sy - ty) ** 2)
     return 1.0 - distance / (np.sqrt(sx * sx + sy * sy) + np.sqrt(tx * tx + ty * ty) + 1.0)
@@ -146,9 +146,9 @@ def _most_novel(vectors, match, background_match):  # type: ignore[no-untyped-de
     """Index and match of the worst-matched vector among those that match the background less than given."""
     novel, lowest = -1, np.float32(2.0)
     for i in range(vectors.shape[0]):
-        if np.isfinite(vectors[i, 0]) and match[i] < lowest:
-            if similarity(vectors[i, 0], vectors[i, 1], 0.0, 0.0) < background_match:
-                novel, lowest = i, match[i]
+        moves = similarity(vectors[i, 0], vectors[i, 1], 0.0, 0.0) < background_match  # False for NaN
+        if moves and match[i] < lowest:
+            novel, lowest = i, match[i]
     return novel, lowest
 
 

@@ -57,7 +57,7 @@ def _quadratic_basis(rows: int, columns: int) -> DoubleArray:
 
 def _irls(design: DoubleArray, target: DoubleArray) -> tuple[DoubleArray, float]:
     """Tukey-weighted least squares from the median; returns (6, 2) coefficients and sigma of one component."""
-    solution = np.zeros((6, 2))
+    solution: DoubleArray = np.zeros((6, 2))
     solution[0] = np.median(target, axis=0)
     for _ in range(ITERATIONS):
         error = target - design @ solution
@@ -65,7 +65,7 @@ def _irls(design: DoubleArray, target: DoubleArray) -> tuple[DoubleArray, float]
         sigma = _rayleigh_sigma(distance)
         weights = np.clip(1.0 - (distance / (TUKEY_C * max(sigma, 1e-3))) ** 2, 0.0, None) ** 2
         weighted = design * weights[:, None]
-        solution = np.linalg.lstsq(weighted.T @ design, weighted.T @ target, rcond=None)[0]
+        solution = np.asarray(np.linalg.lstsq(weighted.T @ design, weighted.T @ target, rcond=None)[0], np.float64)
     error = target - design @ solution
     return solution, _rayleigh_sigma(np.hypot(error[:, 0], error[:, 1]))
 

@@ -181,4 +181,5 @@ def _checked(name: str, value: Any, default: Scalar, metadata: Mapping[str, Any]
     low, high = metadata['low'], metadata['high']
     if (low is not None and not value >= low) or (high is not None and not value <= high):
         raise ConfigError(f'{name}: expected {low} to {high}, got {value!r}')
-    return value  # type: ignore[no-any-return]
+    checked: Scalar = value
+    return checked

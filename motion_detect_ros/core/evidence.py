@@ -19,7 +19,7 @@ import numpy as np
 
 from motion_detect_ros.core.boxes import Box
 from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
-from motion_detect_ros.core.warp import apply
+from motion_detect_ros.core.warp import apply, inverse
 
 #: Window over which errors are averaged, and slack in position of "the image changed there", pixels.
 WINDOW_PX = 3
@@ -38,7 +38,7 @@ class ImagePair:
 
     def error(self, points: FloatArray, motion: FloatArray) -> FloatArray:
         """Grey-value error at ``points`` (h, w, 2) if they moved by ``motion`` on top of the ego-motion, pixels."""
-        origin = apply(np.linalg.inv(self.matrix), points - motion)
+        origin = apply(inverse(self.matrix), points - motion)
         difference: FloatArray = _sample(self.current, points) - _sample(self.earlier, origin)
         return difference
 
@@ -64,7 +64,8 @@ def support(
     gain = (still - moved) / np.float32(noise_gray ** 2)
     changed = (still > (noise_gray * threshold_sigma) ** 2).astype(np.uint8)
     changed = cv2.dilate(changed, np.ones((SLACK_PX, SLACK_PX), np.uint8))
-    source = points - (motion - background) - np.float32([box.left, box.top])
+    corner = np.array([box.left, box.top], np.float32)
+    source = points - (motion - background) - corner
     came_from_change = cv2.remap(changed, source.astype(np.float32), None, cv2.INTER_NEAREST,
                                  borderMode=cv2.BORDER_CONSTANT)
     return Support((gain > threshold_sigma ** 2) & (came_from_change > 0), gain)

@@ -15,7 +15,7 @@ from motion_detect_ros.core.types import (
     FlowField,
     PreparedFrame,
 )
-from motion_detect_ros.core.warp import apply, at_scale, grid_points, stabilise
+from motion_detect_ros.core.warp import apply, at_scale, grid_points, inverse, stabilise
 
 #: Earlier grey images kept, frames.
 HISTORY = 16
@@ -65,7 +65,7 @@ class OpticalFlowStage:
         to_earlier = self._flow.both_ways(frame.gray, stabilised)
         shift = cv2.resize(to_earlier, (columns, rows), interpolation=cv2.INTER_AREA) / np.float32(frame.scale)
         points = grid_points(rows, columns, frame.width, frame.height)
-        origin = apply(np.linalg.inv(back.matrix), points + shift)
+        origin = apply(inverse(back.matrix), points + shift)
         flow = points - origin
         flow[outside(origin, frame.width, frame.height)] = np.nan
         return flow
@@ -76,7 +76,7 @@ class DisFlow:
 
     def __init__(self, config: OpticalFlowConfig) -> None:
         self._limit_px = config.forward_backward_px
-        self._dis = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+        self._dis = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)  # type: ignore[attr-defined]
         self._dis.setFinestScale(config.finest_scale)
 
     def both_ways(self, current: ByteArray, earlier: ByteArray) -> FloatArray:
@@ -89,7 +89,8 @@ class DisFlow:
         error = np.square(there + returned).sum(axis=2)
         length = np.square(there).sum(axis=2) + np.square(returned).sum(axis=2)
         there[error > self._limit_px ** 2 + 0.01 * length] = np.nan
-        return there
+        flow: FloatArray = there
+        return flow
 
 
 def pixel_grid(width: int, height: int) -> FloatArray:
@@ -110,5 +111,6 @@ def total_to_residual(flow: FloatArray, matrix: DoubleArray, width: int, height:
     flow: (gh, gw, 2) as in ``FlowField``; matrix: (3, 3) earlier pixel -> later pixel.
     Returns (gh, gw, 2): where the background would have carried the point's earlier position, to where it is.
     """
-    points = grid_points(*flow.shape[:2], width, height)
-    return points - apply(matrix, points - flow)
+    points = grid_points(flow.shape[0], flow.shape[1], width, height)
+    residual: FloatArray = points - apply(matrix, points - flow)
+    return residual

@@ -122,9 +122,10 @@ class EgoMotion:
 class FlowField:
     """Dense optical flow on a grid.
 
-    ``flow``: (gh, gw, 2) float32, total displacement (dx, dy) in full-resolution pixels from the earlier
-    frame to the frame of ``stamp_ns``, sampled on the later frame's grid; NaN = invalid.
-    Grid cell (r, c) covers full-resolution pixels [c*sx, (c+1)*sx) x [r*sy, (r+1)*sy), sx = width / gw, sy = height / gh.
+    ``flow``: (gh, gw, 2) float32, total displacement (dx, dy) in full-resolution pixels from the earlier frame
+    to the frame of ``stamp_ns``, sampled on the later frame's grid; NaN = invalid.
+    Grid cell (r, c) covers full-resolution pixels [c*sx, (c+1)*sx) x [r*sy, (r+1)*sy), sx = width / gw,
+    sy = height / gh.
     """
 
     flow: FloatArray

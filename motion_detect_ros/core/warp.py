@@ -15,12 +15,12 @@ def at_scale(matrix: DoubleArray, scale: float) -> DoubleArray:
     """
     shift = 0.5 * scale - 0.5
     down = np.array([[scale, 0.0, shift], [0.0, scale, shift], [0.0, 0.0, 1.0]])
-    scaled: DoubleArray = down @ matrix @ np.linalg.inv(down)
+    scaled: DoubleArray = down @ matrix @ inverse(down)
     return scaled
 
 
 def stabilise(earlier: ByteArray, matrix: DoubleArray) -> ByteArray:
-    """``earlier`` as it would look from the later frame. matrix: (3, 3) earlier pixel -> later pixel, same resolution."""
+    """``earlier`` as seen from the later frame. matrix: (3, 3) earlier pixel -> later pixel, same resolution."""
     height, width = earlier.shape[:2]
     warped: ByteArray = cv2.warpPerspective(
         earlier, matrix, (width, height), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -32,6 +32,11 @@ def grid_points(rows: int, columns: int, width: int, height: int) -> FloatArray:
     x = (np.arange(columns, dtype=np.float32) + 0.5) * (width / columns) - 0.5
     y = (np.arange(rows, dtype=np.float32) + 0.5) * (height / rows) - 0.5
     return np.stack(np.meshgrid(x, y), axis=-1).astype(np.float32)
+
+
+def inverse(matrix: DoubleArray) -> DoubleArray:
+    """The warp the other way round."""
+    return np.asarray(np.linalg.inv(matrix), np.float64)
 
 
 def apply(matrix: DoubleArray, points: FloatArray) -> FloatArray:
