@@ -10,6 +10,7 @@ from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.contact import bearings
 from motion_detect_ros.core.ego_chain import EgoChain, LookBack
 from motion_detect_ros.core.evidence import ImagePair
+from motion_detect_ros.core.flow_features import magnitude, motion_vectors
 from motion_detect_ros.core.objects import MotionField, ObjectFinder
 from motion_detect_ros.core.optical_flow import HISTORY, total_to_residual
 from motion_detect_ros.core.segments import connected_segments
@@ -66,9 +67,8 @@ class ClusteringStage:
     ) -> list[Candidate]:
         residual = total_to_residual(flow.flow, back.matrix, flow.width, flow.height)
         residual[:self._ignored_rows(flow)] = np.nan
-        magnitude = np.linalg.norm(np.nan_to_num(flow.flow), axis=2)
-        background = fit_background(residual, self._config.background, magnitude)
-        vectors = (residual - background.flow) / background.sigma_px[..., None]
+        background = fit_background(residual, self._config.background, magnitude(np.nan_to_num(flow.flow)))
+        vectors = motion_vectors(residual, background)
         labels = self._art2.partial_fit(vectors.reshape(-1, 2)).reshape(vectors.shape[:2])
         segments = connected_segments(labels, self._art2.prototypes, self._config.objects.join_match)
         seconds = (frame.stamp_ns - back.stamp_ns) / NANOSECONDS

@@ -76,7 +76,7 @@ class DisFlow:
 
     def __init__(self, config: OpticalFlowConfig) -> None:
         self._limit_px = config.forward_backward_px
-        self._dis = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)  # type: ignore[attr-defined]
+        self._dis = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
         self._dis.setFinestScale(config.finest_scale)
 
     def both_ways(self, current: ByteArray, earlier: ByteArray) -> FloatArray:
