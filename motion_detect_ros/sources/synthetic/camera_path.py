@@ -33,7 +33,7 @@ class CameraPose:
     time_s: float
 
     def model(self, width: int, height: int) -> CameraModel:
-        """This frame's calibration for an image of ``width`` x ``height`` pixels."""
+        """Calibration for an image of ``width`` x ``height`` pixels."""
         k = self.intrinsic
         return CameraModel(width, height, float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2]))
 
@@ -54,9 +54,9 @@ class CameraPath:
         self._rng_shake = _shake_waves(config)
         self._centres = _integrate(config)
         lowest = float(self._centres[:, 2].min())
-        if lowest < MIN_ALTITUDE_M * 0.5:
-            raise ConfigError(
-                f'flight path: expected at least {MIN_ALTITUDE_M * 0.5:g} m over the ground, got down to {lowest:.1f} m')
+        floor_m = MIN_ALTITUDE_M / 2
+        if lowest < floor_m:
+            raise ConfigError(f'flight path: expected at least {floor_m:g} m over the ground, got {lowest:.1f} m')
 
     def pose(self, index: int) -> CameraPose:
         """The camera at frame ``index`` (-1 to frames - 1)."""
@@ -76,7 +76,7 @@ class CameraPath:
 
 
 def look_rotation(yaw: float, pitch: float) -> DoubleArray:
-    """(3, 3) world -> optical rotation of a level camera that looks along ``yaw``, ``pitch`` below the horizon (rad)."""
+    """(3, 3) world -> optical rotation of a level camera looking along ``yaw``, ``pitch`` below the horizon (rad)."""
     forward = np.array([math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)])
     right = np.array([math.sin(yaw), -math.cos(yaw), 0.0])
     return np.stack([right, np.cross(forward, right), forward])
@@ -120,7 +120,7 @@ def _velocity(config: FlightConfig, time_s: DoubleArray) -> DoubleArray:
 def _integrate(config: FlightConfig) -> DoubleArray:
     """(frames + 1, 3) positions of frames -1 .. frames - 1; frame 0 is over the origin."""
     step_s = 1 / config.fps / _SUBSTEPS
-    middles = (np.arange(config.frames * _SUBSTEPS) + 0.5) * step_s - 1 / config.fps
+    middles: DoubleArray = (np.arange(config.frames * _SUBSTEPS, dtype=np.float64) + 0.5) * step_s - 1 / config.fps
     moved = np.cumsum(_velocity(config, middles) * step_s, axis=0)[_SUBSTEPS - 1::_SUBSTEPS]
     positions = np.concatenate([np.zeros((1, 3)), moved])
     return np.asarray(positions - positions[1] + [0.0, 0.0, config.altitude_m])

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from motion_detect_ros.core.config import setting
 from motion_detect_ros.core.errors import ConfigError
@@ -51,13 +53,15 @@ class FlightConfig:
     speed_m_s: float = setting(8.0, 'horizontal speed of the camera', low=0.0, high=60.0, unit='m/s')
     heading_deg: float = setting(24.0, 'flight direction at frame 0, 0 = east, counter-clockwise',
                                  low=-360.0, high=360.0, unit='deg')
-    pitch_deg: float = setting(54.0, 'optical axis below the horizon, 90 = straight down', low=35.0, high=90.0, unit='deg')
+    pitch_deg: float = setting(54.0, 'optical axis below the horizon, 90 = straight down',
+                               low=35.0, high=90.0, unit='deg')
     turn_deg_s: float = setting(4.0, 'largest yaw rate of the S-shaped course', low=0.0, high=90.0, unit='deg/s')
     climb_m_s: float = setting(1.0, 'largest vertical speed; the flight begins with a descent',
                                low=0.0, high=20.0, unit='m/s')
     approach_m_s: float = setting(0.0, 'constant speed along the optical axis on top of the flight',
                                   low=-60.0, high=60.0, unit='m/s')
-    shake_deg: float = setting(0.06, 'standard deviation of the shake of each camera angle', low=0.0, high=5.0, unit='deg')
+    shake_deg: float = setting(0.06, 'standard deviation of the shake of each camera angle',
+                               low=0.0, high=5.0, unit='deg')
     focal_px: float = setting(720.0, 'focal length at zoom 1', low=50.0, high=20000.0, unit='px')
     zoom_share: float = setting(0.04, 'amplitude of the slow zoom, share of the focal length', low=0.0, high=0.5)
 
@@ -77,7 +81,7 @@ class FlightConfig:
     def __post_init__(self) -> None:
         """Raises: ConfigError for a value outside its range or an unknown kind of object."""
         for item in dataclasses.fields(self):
-            _check(item.name, getattr(self, item.name), item.metadata)
+            _check(item.name, getattr(self, item.name), item.default, item.metadata)
         for spec in self.objects:
             if spec.kind not in KINDS:
                 raise ConfigError(f'objects: kind expected one of {", ".join(KINDS)}, got {spec.kind!r}')
@@ -129,14 +133,15 @@ def _bare(config: FlightConfig) -> FlightConfig:
         blur=0.0, exposure_drift=0.0, ground='field', cars=0, parked_cars=0, people=0, buildings=0, trees=0)
 
 
-def _check(name: str, value: object, metadata: object) -> None:
-    """Raises: ConfigError where ``value`` leaves the range or the choices of its field's metadata."""
-    if not isinstance(metadata, dict) and not hasattr(metadata, 'get'):
+def _check(name: str, value: Any, default: Any, metadata: Mapping[str, Any]) -> None:
+    """Raises: ConfigError where ``value`` is of another type than its default or leaves the field's range."""
+    if not metadata:
         return
-    choices = metadata.get('choices') or ()
-    low, high = metadata.get('low'), metadata.get('high')
+    expected = (int, float) if type(default) is float else (type(default),)
+    if type(value) not in expected:
+        raise ConfigError(f'{name}: expected {type(default).__name__}, got {type(value).__name__} {value!r}')
+    choices, low, high = metadata['choices'], metadata['low'], metadata['high']
     if choices and value not in choices:
         raise ConfigError(f'{name}: expected one of {", ".join(choices)}, got {value!r}')
-    if isinstance(value, (int, float)) and not (
-            (low is None or value >= low) and (high is None or value <= high)):
+    if (low is not None and not value >= low) or (high is not None and not value <= high):
         raise ConfigError(f'{name}: expected {low} to {high}, got {value!r}')

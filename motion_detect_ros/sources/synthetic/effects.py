@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 
 from motion_detect_ros.core.types import ByteArray, FloatArray
+from motion_detect_ros.sources.synthetic.compiled import kernel
 from motion_detect_ros.sources.synthetic.config import FlightConfig
 
 _EXPOSURE_PERIOD_S = 5.0
@@ -35,14 +35,14 @@ def expose(image: FloatArray, config: FlightConfig, index: int) -> ByteArray:
     return np.asarray(np.clip(np.rint(bright), 0, 255), dtype=np.uint8)
 
 
-@numba.njit(cache=True, nogil=True, error_model='numpy')  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _smear(image: Any, flow: Any, exposure: Any) -> Any:
     height, width = flow.shape[:2]
     out = np.zeros_like(image)
     for row in range(height):
         for column in range(width):
             length = exposure * math.sqrt(flow[row, column, 0] ** 2 + flow[row, column, 1] ** 2)
-            taps = min(_MAX_TAPS, max(2, int(math.ceil(length)) + 1))  # no more than a pixel apart
+            taps = min(_MAX_TAPS, max(2, math.ceil(length) + 1))  # no more than a pixel apart
             weight = np.float32(1.0 / taps)
             for k in range(taps):
                 share = exposure * np.float32(k / (taps - 1) - 0.5)

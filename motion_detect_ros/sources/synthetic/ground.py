@@ -10,7 +10,7 @@ import numpy as np
 from motion_detect_ros.core.types import ByteArray, DoubleArray, FloatArray
 from motion_detect_ros.sources.synthetic import layout
 from motion_detect_ros.sources.synthetic.config import FlightConfig
-from motion_detect_ros.sources.synthetic.layout import PERIOD_M, ROAD_HALF_M, WALK_END_M, Plan
+from motion_detect_ros.sources.synthetic.layout import PERIOD_M, ROAD_HALF_M, WALK_END_M, Block, Plan
 from motion_detect_ros.sources.synthetic.textures import periodic_noise
 from motion_detect_ros.sources.synthetic.town import Body, Town
 
@@ -25,7 +25,9 @@ SHADOW_DEPTH = 0.48
 SHADOW_STEP = -np.array([math.cos(SUN_AZIMUTH), math.sin(SUN_AZIMUTH)]) / math.tan(SUN_ELEVATION)
 
 _GRASS, _DRY = np.array([62.0, 118.0, 104.0]), np.array([96.0, 142.0, 150.0])
-_ASPHALT, _PAVING, _YARD = np.array([112.0, 112.0, 112.0]), np.array([158.0, 166.0, 172.0]), np.array([138.0, 148.0, 156.0])
+_ASPHALT, _PAVING = np.array([112.0, 112.0, 112.0]), np.array([158.0, 166.0, 172.0])
+_YARD = np.array([138.0, 148.0, 156.0])
+_PATH_HALF_M = 1.2
 _PAINT = np.array([226.0, 230.0, 230.0])
 _PLAIN = np.array([110.0, 122.0, 120.0])
 #: Radius of a leaf layer's ragged outline, share of the layer's half side.
@@ -58,20 +60,20 @@ def _meadow(broad: FloatArray, fine: FloatArray) -> FloatArray:
     return np.concatenate([colour, np.full((*fine.shape, 1), _GRASS_DETAIL)], axis=2).astype(np.float32)
 
 
-def _lay(canvas: FloatArray, cover: DoubleArray | FloatArray, colour: DoubleArray, shade: FloatArray, detail: float) -> None:
+def _lay(canvas: FloatArray, cover: DoubleArray, colour: DoubleArray, shade: FloatArray, detail: float) -> None:
     """Paint ``colour`` times ``shade`` where ``cover`` (0..1) says, in place, touching only the rows concerned."""
     rows = np.flatnonzero(cover.max(axis=1) > 0)
     if not len(rows):
         return
     part = slice(rows[0], rows[-1] + 1)
-    top = np.append(colour, detail).astype(np.float32) * np.ones((1, 1, 4), np.float32)
-    painted = np.concatenate([top[..., :3] * shade[part, :, None], np.broadcast_to(top[..., 3:], (*shade[part].shape, 1))],
-                             axis=2)
+    painted = np.empty_like(canvas[part])
+    painted[..., :3] = colour.astype(np.float32) * shade[part, :, None]
+    painted[..., 3] = detail
     canvas[part] += cover[part, :, None].astype(np.float32) * (painted - canvas[part])
 
 
 def _axis() -> DoubleArray:
-    return (np.arange(MAP_PX) + 0.5) / _PX_PER_M
+    return np.asarray((np.arange(MAP_PX, dtype=np.float64) + 0.5) / _PX_PER_M)
 
 
 def _inside(distance: DoubleArray, limit: float) -> DoubleArray:
@@ -82,10 +84,10 @@ def _inside(distance: DoubleArray, limit: float) -> DoubleArray:
 def _lay_streets(canvas: FloatArray, plan: Plan, broad: FloatArray, fine: FloatArray) -> None:
     """Sidewalks, carriageway, markings and crossings."""
     dx, dy = layout.street_distance(plan, _axis(), _axis())
-    flags = 1 + 0.05 * fine - 0.09 * _joints()
-    _lay(canvas, np.maximum(_inside(dx, WALK_END_M)[None], _inside(dy, WALK_END_M)[:, None]), _PAVING, flags, _HARD_DETAIL)
-    worn = 1 + 0.07 * broad + 0.06 * fine
-    _lay(canvas, np.maximum(_inside(dx, ROAD_HALF_M)[None], _inside(dy, ROAD_HALF_M)[:, None]), _ASPHALT, worn, _HARD_DETAIL)
+    for half_m, colour, shade in ((WALK_END_M, _PAVING, 1 + 0.05 * fine - 0.09 * _joints()),
+                                  (ROAD_HALF_M, _ASPHALT, 1 + 0.07 * broad + 0.06 * fine)):
+        cover = np.maximum(_inside(dx, half_m)[None], _inside(dy, half_m)[:, None])
+        _lay(canvas, cover, colour, shade, _HARD_DETAIL)
     paint = np.maximum(_markings(dx[None], dy[:, None], _axis()[:, None], _axis()[None]),
                        _markings(dy[:, None], dx[None], _axis()[None], _axis()[:, None]))
     _lay(canvas, 0.85 * paint, _PAINT, 1 + 0.10 * fine, _HARD_DETAIL)
@@ -94,7 +96,7 @@ def _lay_streets(canvas: FloatArray, plan: Plan, broad: FloatArray, fine: FloatA
 def _joints() -> FloatArray:
     """Joints of a paving of 1 m flags, 0..1."""
     line = (np.arange(MAP_PX) % int(_PX_PER_M) == 0).astype(np.float32)
-    return np.maximum(line[:, None], line[None])
+    return np.asarray(np.maximum(line[:, None], line[None]))
 
 
 def _markings(off: DoubleArray, crossing: DoubleArray, along: DoubleArray, across: DoubleArray) -> DoubleArray:
@@ -109,7 +111,8 @@ def _markings(off: DoubleArray, crossing: DoubleArray, along: DoubleArray, acros
     stop = _inside(np.abs(crossing - WALK_END_M - 1.2), 0.25) * _inside(off, 2 * layout.LANE_M)
     stripes = _inside(np.abs(across % 1.1 - 0.55), 0.28) * _inside(off, ROAD_HALF_M - 0.3)
     zebra = stripes * _inside(np.abs(crossing - (ROAD_HALF_M + WALK_END_M) / 2), 1.2)
-    return np.asarray(np.maximum(np.maximum(open_road * np.maximum(dashes * _inside(off, 0.09), kerb_line), stop), zebra))
+    lines = open_road * np.maximum(dashes * _inside(off, 0.09), kerb_line)
+    return np.asarray(np.maximum(np.maximum(lines, stop), zebra))
 
 
 def _lay_blocks(canvas: FloatArray, town: Town, broad: FloatArray) -> None:
@@ -120,22 +123,31 @@ def _lay_blocks(canvas: FloatArray, town: Town, broad: FloatArray) -> None:
             _lay(canvas, cover, _YARD, 1 + 0.08 * broad - 0.05 * _joints(), _HARD_DETAIL)
         elif block.kind == 'parking':
             _lay(canvas, cover, _ASPHALT * 0.9, 1 + 0.09 * broad, _HARD_DETAIL)
-            bays = _inside(np.abs((_axis() - block.x0 - 6.35) % 2.7 - 1.35), 0.07)[None] * np.max(
-                [_inside(np.abs(_axis() - y), 2.5) for y in np.arange(block.y0 + 5, block.y1 - 5, 11.5)], axis=0)[:, None]
-            _lay(canvas, 0.8 * cover * bays, _PAINT, np.ones_like(broad), _HARD_DETAIL)
+            _lay(canvas, 0.8 * cover * _bay_lines(block), _PAINT, np.ones_like(broad), _HARD_DETAIL)
         elif block.kind == 'park':
-            middle_x, middle_y = (block.x0 + block.x1) / 2, (block.y0 + block.y1) / 2
-            paths = np.maximum(_rectangle(middle_x - 1.2, block.y0, middle_x + 1.2, block.y1),
-                               _rectangle(block.x0, middle_y - 1.2, block.x1, middle_y + 1.2))
+            x, y = (block.x0 + block.x1) / 2, (block.y0 + block.y1) / 2
+            paths = np.maximum(_rectangle(x - _PATH_HALF_M, block.y0, x + _PATH_HALF_M, block.y1),
+                               _rectangle(block.x0, y - _PATH_HALF_M, block.x1, y + _PATH_HALF_M))
             _lay(canvas, paths, _YARD * [0.8, 0.92, 1.0], 1 + 0.08 * broad, _GRASS_DETAIL)
+
+
+def _bay_lines(block: Block) -> DoubleArray:
+    """Coverage of the lines between the places of a parking block."""
+    columns, rows = layout.parking_rows(block)
+    across = np.max([_near(x + layout.BAY_M / 2, 0.07) for x in columns], axis=0)
+    return np.asarray(np.max([_near(y, 2.5) for y in rows], axis=0)[:, None] * across[None])
+
+
+def _near(centre: float, half_m: float) -> DoubleArray:
+    """Coverage along one axis of the strip of ``half_m`` either side of ``centre``, in whichever copy of the square."""
+    offset = _axis() - centre
+    return _inside(np.abs(offset - PERIOD_M * np.rint(offset / PERIOD_M)), half_m)
 
 
 def _rectangle(x0: float, y0: float, x1: float, y1: float) -> DoubleArray:
     """Coverage of an axis-parallel rectangle that may reach over the edge of the square."""
-    def span(low: float, high: float) -> DoubleArray:
-        offset = _axis() - (low + high) / 2
-        return _inside(np.abs(offset - PERIOD_M * np.rint(offset / PERIOD_M)), (high - low) / 2)
-    return np.asarray(span(y0, y1)[:, None] * span(x0, x1)[None])
+    rows, columns = _near((y0 + y1) / 2, (y1 - y0) / 2), _near((x0 + x1) / 2, (x1 - x0) / 2)
+    return np.asarray(rows[:, None] * columns[None])
 
 
 def _shadows(bodies: tuple[Body, ...]) -> FloatArray:
@@ -145,7 +157,7 @@ def _shadows(bodies: tuple[Body, ...]) -> FloatArray:
         if body.ident == 0:
             _cast(mask, body)
     wrapped = cv2.GaussianBlur(np.pad(mask, 8, mode='wrap'), (0, 0), 1.5)[8:-8, 8:-8]
-    return wrapped.astype(np.float32) / 255
+    return np.asarray(wrapped.astype(np.float32) / 255)
 
 
 def _cast(mask: ByteArray, body: Body) -> None:
@@ -156,7 +168,7 @@ def _cast(mask: ByteArray, body: Body) -> None:
     hull = cv2.convexHull(flat.astype(np.float32))[:, 0]
     for shift_x in (-PERIOD_M, 0.0, PERIOD_M):
         for shift_y in (-PERIOD_M, 0.0, PERIOD_M):
-            points = np.rint((hull + [shift_x, shift_y]) * _PX_PER_M * 16 - 8).astype(np.int32)
+            points = np.rint((hull + np.array([shift_x, shift_y])) * _PX_PER_M * 16 - 8).astype(np.int32)
             cv2.fillConvexPoly(mask, points, 255, cv2.LINE_AA, 4)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,8 @@ _LOTS = 3
 _CROSSING_CLEAR_M = 14.0
 _PARKING_STEP_M = 6.2
 _GROVE_STEP_M = 6.0
+#: Width of a parking place, distance of the rows, and of the first one from the block's edge, metres.
+BAY_M, _BAY_ROW_M, _BAY_MARGIN_M = 2.7, 11.5, 5.0
 
 BLOCK_KINDS = ('houses', 'houses', 'houses', 'flats', 'flats', 'park', 'houses', 'park', 'parking')
 
@@ -86,6 +89,12 @@ def parking_spots(plan: Plan) -> list[tuple[float, float, float]]:
     return spots + _lot_spots(plan)
 
 
+def parking_rows(block: Block) -> tuple[DoubleArray, DoubleArray]:
+    """Centres of the places of a parking block: x of the columns, y of the rows, metres."""
+    return (np.arange(block.x0 + _BAY_MARGIN_M, block.x1 - _BAY_MARGIN_M, BAY_M),
+            np.arange(block.y0 + _BAY_MARGIN_M, block.y1 - _BAY_MARGIN_M, _BAY_ROW_M))
+
+
 def lanes(plan: Plan) -> list[tuple[bool, float, int]]:
     """(runs along y, position across, driving direction +1 / -1) of every lane; traffic keeps right."""
     return ([(True, float(x) + LANE_M * way, way) for x in plan.across_x for way in (-1, 1)]
@@ -132,8 +141,7 @@ def _street_spot(vertical: bool, centre: float, side: int, run: float) -> tuple[
 def _lot_spots(plan: Plan) -> list[tuple[float, float, float]]:
     spots = []
     for block in plan.blocks:
-        if block.kind != 'parking':
-            continue
-        for x in np.arange(block.x0 + 5, block.x1 - 5, 2.7):
-            spots += [(float(x), float(y), float(np.pi / 2)) for y in np.arange(block.y0 + 5, block.y1 - 5, 11.5)]
+        if block.kind == 'parking':
+            columns, rows = parking_rows(block)
+            spots += [(float(x), float(y), math.pi / 2) for x in columns for y in rows]
     return spots

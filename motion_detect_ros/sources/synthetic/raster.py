@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from motion_detect_ros.core.types import FloatArray
+from motion_detect_ros.sources.synthetic.compiled import inlined, kernel
 from motion_detect_ros.sources.synthetic.scene import GROUND, Scene, View, corner_depths_and_pixels
 
 Ids = npt.NDArray[np.int32]
@@ -43,7 +43,7 @@ def draw_window(
     return ids, nearness
 
 
-@numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True)  # type: ignore[untyped-decorator, unused-ignore]
+@inlined
 def _span(at_zero: float, slope: float, low: float, high: float) -> tuple[float, float]:
     """The part of [low, high] where at_zero + slope * x >= 0."""
     if slope > 0:
@@ -53,7 +53,7 @@ def _span(at_zero: float, slope: float, low: float, high: float) -> tuple[float,
     return (low, high) if at_zero >= 0 else (1.0, 0.0)
 
 
-@numba.njit(cache=True, nogil=True, error_model='numpy')  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _fill(
     listed: Any, to_patch: Any, rows: Any, triangle: Any, outline: Any, masks: Any, x0: int, y0: int,
     ids: Any, nearness: Any,
@@ -96,13 +96,13 @@ def _fill(
                 ids[row, column] = p
 
 
-@numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True)  # type: ignore[untyped-decorator, unused-ignore]
+@inlined
 def _in_outline(mask: Any, s: float, t: float) -> bool:
     size = mask.shape[0]
     return bool(mask[min(size - 1, max(0, int(t * size))), min(size - 1, max(0, int(s * size)))])
 
 
-@numba.njit(cache=True, nogil=True, error_model='numpy')  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def owners(ids: Any, nearness: Any, body: Any) -> Any:
     """(H, W) int32 patch that owns each pixel: of the body that covers most of its samples, the nearer one in a tie."""
     height, width = ids.shape[0] // SUPER, ids.shape[1] // SUPER

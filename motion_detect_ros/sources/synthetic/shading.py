@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 
 from motion_detect_ros.core.types import DoubleArray, FloatArray
+from motion_detect_ros.sources.synthetic.compiled import inlined, kernel
 from motion_detect_ros.sources.synthetic.ground import (
     DETAIL_M,
     SHADOW_DEPTH,
@@ -19,11 +19,11 @@ from motion_detect_ros.sources.synthetic.ground import (
 )
 from motion_detect_ros.sources.synthetic.layout import PERIOD_M
 from motion_detect_ros.sources.synthetic.raster import SUPER, Ids
+from motion_detect_ros.sources.synthetic.sampling import DETAIL, fine_detail, trilinear
 from motion_detect_ros.sources.synthetic.scene import GROUND, Scene, View, turn
-from motion_detect_ros.sources.synthetic.textures import Atlas, Material
+from motion_detect_ros.sources.synthetic.textures import Atlas
 
 _AMBIENT, _SUN = 0.52, 0.60
-_DETAIL = int(Material.DETAIL)
 _DETAIL_REPEAT = PERIOD_M / DETAIL_M
 _SKY = 228.0
 #: A shadow reaches its full depth where the sun ray crosses this much of the body's footprint, share of the ray.
@@ -73,16 +73,17 @@ def _cast_shadows(scene: Scene, view: View, ids: Ids) -> FloatArray:
         points = np.array(corners) @ view.pose.ground_to_pixel().T
         pixels = points[:, :2] / points[:, 2:]
         (x0, y0), (x1, y1) = np.floor(pixels.min(axis=0)), np.ceil(pixels.max(axis=0))
-        _darken(dark, ids, view.to_patch[GROUND], where, scene.ahead[body], reach, tip, int(x0), int(y0), int(x1), int(y1))
+        window = (int(x0), int(y0), int(x1), int(y1))
+        _darken(dark, view.to_patch[GROUND], where, scene.ahead[body], reach, tip, window)
     return dark
 
 
-@numba.njit(cache=True, nogil=True, error_model='numpy')  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _darken(
-    dark: Any, ids: Any, g: Any, where: Any, ahead: Any, size: Any, tip: Any, x0: int, y0: int, x1: int, y1: int,
+    dark: Any, g: Any, where: Any, ahead: Any, size: Any, tip: Any, window: tuple[int, int, int, int],
 ) -> None:
     """Ground points whose ray to the sun (as long as the body is high) crosses the footprint: the slab method."""
-    height, width = dark.shape
+    (height, width), (x0, y0, x1, y1) = dark.shape, window
     step_x = -(tip[0] * ahead[0] + tip[1] * ahead[1])
     step_y = -(tip[1] * ahead[0] - tip[0] * ahead[1])
     for row in range(max(0, y0), min(height, y1 + 1)):
@@ -96,7 +97,7 @@ def _darken(
                 dark[row, column] = min(dark[row, column], 1 - SHADOW_DEPTH * min(1.0, (high - low) / _PENUMBRA))
 
 
-@numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True)  # type: ignore[untyped-decorator, unused-ignore]
+@inlined
 def _crossing(at: float, step: float, half: float, low: float, high: float) -> tuple[float, float]:
     """The part of [low, high] where |at + lambda * step| <= half."""
     if abs(step) < 1e-12:
@@ -105,82 +106,7 @@ def _crossing(at: float, step: float, half: float, low: float, high: float) -> t
     return max(low, min(a, b)), min(high, max(a, b))
 
 
-@numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _texel(texels: Any, start: int, size: int, u: float, v: float) -> tuple[float, float, float, float]:
-    """Bilinear look-up in one level, wrapped; u, v in repetitions, texel centres at (i + 0.5) / size."""
-    x, y = u * size - 0.5, v * size - 0.5
-    left, top = math.floor(x), math.floor(y)
-    a, b = x - left, y - top
-    c0, c1 = int(left) & (size - 1), (int(left) + 1) & (size - 1)
-    r0, r1 = start + (int(top) & (size - 1)) * size, start + ((int(top) + 1) & (size - 1)) * size
-    p, q = np.float32((1 - a) * (1 - b)), np.float32(a * (1 - b))
-    r, s = np.float32((1 - a) * b), np.float32(a * b)
-    e, f, g, h = texels[r0 + c0], texels[r0 + c1], texels[r1 + c0], texels[r1 + c1]
-    return (_mix(0, e, f, g, h, p, q, r, s), _mix(8, e, f, g, h, p, q, r, s),
-            _mix(16, e, f, g, h, p, q, r, s), _mix(24, e, f, g, h, p, q, r, s))
-
-
-@numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _mix(shift: int, e: Any, f: Any, g: Any, h: Any, p: Any, q: Any, r: Any, s: Any) -> Any:
-    """The channel at bit ``shift`` of four packed texels, weighted."""
-    return (p * _channel(e, shift) + q * _channel(f, shift)) + (r * _channel(g, shift) + s * _channel(h, shift))
-
-
-@numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _channel(texel: Any, shift: int) -> Any:
-    """Eight bits of a packed texel; signed on the way, because that converts to float in one instruction."""
-    return np.float32(np.int32((texel >> np.uint32(shift)) & np.uint32(255)))
-
-
-@numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _level(spread: float, last: int) -> tuple[int, float]:
-    """Level whose texels are just finer than ``spread`` texels of level 0, and the share of the next coarser one."""
-    level = 0
-    while spread >= 2.0 and level < last:
-        spread *= 0.5
-        level += 1
-    return level, (min(1.0, max(0.0, spread - 1.0)) if level < last else 0.0)
-
-
-@numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _grain(texels: Any, offset: Any, size: Any, u: float, v: float, spread: float) -> float:
-    """Fine detail of the ground, grey levels: like ``_trilinear``, first channel only."""
-    level, share = _level(spread, size.shape[1] - 1)
-    a = _texel_grey(texels, offset[_DETAIL, level], size[_DETAIL, level], u, v)
-    if share == 0.0:
-        return a  # type: ignore[no-any-return]
-    return a + share * (_texel_grey(texels, offset[_DETAIL, level + 1], size[_DETAIL, level + 1], u, v) - a)  # type: ignore[no-any-return]
-
-
-@numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _texel_grey(texels: Any, start: int, size: int, u: float, v: float) -> float:
-    """First channel of ``_texel``."""
-    x, y = u * size - 0.5, v * size - 0.5
-    left, top = math.floor(x), math.floor(y)
-    a, b = x - left, y - top
-    c0, c1 = int(left) & (size - 1), (int(left) + 1) & (size - 1)
-    r0, r1 = start + (int(top) & (size - 1)) * size, start + ((int(top) + 1) & (size - 1)) * size
-    upper = _channel(texels[r0 + c0], 0) + a * (_channel(texels[r0 + c1], 0) - _channel(texels[r0 + c0], 0))
-    lower = _channel(texels[r1 + c0], 0) + a * (_channel(texels[r1 + c1], 0) - _channel(texels[r1 + c0], 0))
-    return upper + b * (lower - upper)  # type: ignore[no-any-return]
-
-
-@numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True)  # type: ignore[untyped-decorator, unused-ignore]
-def _trilinear(
-    texels: Any, offset: Any, size: Any, m: int, u: float, v: float, spread: float,
-) -> tuple[float, float, float, float]:
-    """Look-up that averages about ``spread`` texels of level 0. Source: Williams 1983, pyramidal parametrics."""
-    level, rest = _level(spread, size.shape[1] - 1)
-    share = np.float32(rest)
-    if rest == 0.0:
-        return _texel(texels, offset[m, level], size[m, level], u, v)  # type: ignore[no-any-return]
-    a = _texel(texels, offset[m, level], size[m, level], u, v)
-    b = _texel(texels, offset[m, level + 1], size[m, level + 1], u, v)
-    return (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]),
-            a[2] + share * (b[2] - a[2]), a[3] + share * (b[3] - a[3]))
-
-
-@numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True)  # type: ignore[untyped-decorator, unused-ignore]
+@inlined
 def _look_up(
     p: int, x: float, y: float, g: Any, material: Any, repeat: Any, colour: Any, texels: Any, offset: Any, size: Any,
 ) -> tuple[float, float, float]:
@@ -188,22 +114,23 @@ def _look_up(
     if p < 0:
         return _SKY, _SKY, _SKY
     depth = 1.0 / (g[p, 2, 0] * x + g[p, 2, 1] * y + g[p, 2, 2])
-    s, t = (g[p, 0, 0] * x + g[p, 0, 1] * y + g[p, 0, 2]) * depth, (g[p, 1, 0] * x + g[p, 1, 1] * y + g[p, 1, 2]) * depth
+    s = (g[p, 0, 0] * x + g[p, 0, 1] * y + g[p, 0, 2]) * depth
+    t = (g[p, 1, 0] * x + g[p, 1, 1] * y + g[p, 1, 2]) * depth
     # repetitions per pixel along the picture's rows and columns: the derivative of the quotient S / W
     ux, vx = (g[p, 0, 0] - s * g[p, 2, 0]) * depth * repeat[p, 0], (g[p, 1, 0] - t * g[p, 2, 0]) * depth * repeat[p, 1]
     uy, vy = (g[p, 0, 1] - s * g[p, 2, 1]) * depth * repeat[p, 0], (g[p, 1, 1] - t * g[p, 2, 1]) * depth * repeat[p, 1]
     spread = math.sqrt(max(ux * ux + vx * vx, uy * uy + vy * vy))
     m, u, v = material[p], s * repeat[p, 0], t * repeat[p, 1]
-    b, gr, r, fine = _trilinear(texels, offset, size, m, u, v, spread * size[m, 0])
+    b, gr, r, fine = trilinear(texels, offset, size, m, u, v, spread * size[m, 0])
     gain = 1.0
     if p == GROUND:
-        grain = _grain(texels, offset, size, u * _DETAIL_REPEAT, v * _DETAIL_REPEAT,
-                       spread * _DETAIL_REPEAT * size[_DETAIL, 0])
+        grain = fine_detail(texels, offset, size, u * _DETAIL_REPEAT, v * _DETAIL_REPEAT,
+                       spread * _DETAIL_REPEAT * size[DETAIL, 0])
         gain = 1 + (grain - 128.0) / 128.0 * fine / 255.0
     return b * colour[p, 0] * gain, gr * colour[p, 1] * gain, r * colour[p, 2] * gain
 
 
-@numba.njit(cache=True, nogil=True, error_model='numpy')  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _shade(
     ids: Any, to_patch: Any, material: Any, repeat: Any, colour: Any, texels: Any, offset: Any, size: Any, dark: Any,
 ) -> Any:

@@ -90,7 +90,9 @@ def box(
         patch((x, y, high), (length, 0, 0), (0, width, 0), top, top_tint or tint)])
 
 
-def flat_building(length: float, width: float, height: float, tint: Vector, roof_tint: Vector, wall: Material) -> Patches:
+def flat_building(
+    length: float, width: float, height: float, tint: Vector, roof_tint: Vector, wall: Material,
+) -> Patches:
     """A block with a flat roof and a machine room on it."""
     return join([
         box((0, 0), (length, width), 0, height, wall, Material.GRAVEL, tint, roof_tint, _WINDOW_M),
@@ -139,9 +141,8 @@ def car(length: float, width: float, height: float, tint: Vector) -> Patches:
     """Body with wheels, bonnet and boot, and a narrower cabin with slanted glass front and back."""
     waist, sill = 0.6 * height, 0.15
     body = box((0, 0), (length, width), sill, waist, Material.CAR_SIDE, Material.PAINT, tint)
-    ends = [replace_material(body, index, Material.PAINT) for index in (1, 3)]
-    body = join([replace_material(body, i, Material.CAR_SIDE) for i in (0, 2)] + ends
-                + [replace_material(body, 4, Material.PAINT)])
+    ends = np.isin(np.arange(len(body)), (1, 3))  # front and back have no wheels
+    body = replace(body, material=np.where(ends, int(Material.PAINT), body.material))
     return join([body, _cabin(length, width * 0.44, waist, height, tint)])
 
 
@@ -151,7 +152,8 @@ def van(length: float, width: float, height: float, tint: Vector) -> Patches:
     hull = box((0, 0), (length, width), 0.2, height, Material.CAR_SIDE, Material.PAINT, tint)
     screen = patch((half + 0.03, -width * 0.44, glass), (0, width * 0.88, 0), (0, 0, height * 0.35),
                    Material.GLASS, (1, 1, 1))
-    stripe = patch((half - 0.9, -width * 0.45, height + 0.02), (0.5, 0, 0), (0, width * 0.9, 0), Material.GLASS, (1, 1, 1))
+    stripe = patch((half - 0.9, -width * 0.45, height + 0.02), (0.5, 0, 0), (0, width * 0.9, 0),
+                   Material.GLASS, (1, 1, 1))
     return join([hull, screen, stripe])
 
 
@@ -167,12 +169,6 @@ def person(height: float, coat: Vector, trousers: Vector, skin: Vector) -> Patch
 def crate(length: float, width: float, height: float, tint: Vector) -> Patches:
     """A box with a strong texture of its own."""
     return box((0, 0), (length, width), 0, height, Material.CRATE, Material.CRATE, tint)
-
-
-def replace_material(patches: Patches, index: int, material: Material) -> Patches:
-    """Patch ``index`` alone, made of ``material``."""
-    one = Patches(*(getattr(patches, name)[index:index + 1] for name in Patches.__dataclass_fields__))
-    return replace(one, material=np.array([int(material)]))
 
 
 def _cabin(length: float, half: float, low: float, high: float, tint: Vector) -> Patches:

@@ -38,8 +38,9 @@ class Material(IntEnum):
 class Atlas:
     """All textures with their mipmaps in one array.
 
-    ``texels``: (n,) uint32, from the lowest byte up blue, green, red, fine-detail strength; ``offset, size``: (materials, levels) int64,
-    first texel and side length (a power of two) of each level; the last level is 1 x 1.
+    ``texels``: (n,) uint32, from the lowest byte up blue, green, red, fine-detail strength;
+    ``offset, size``: (materials, levels) int64, first texel and side length (a power of two) of each
+    level; the last level is 1 x 1.
     """
 
     texels: np.ndarray[tuple[int, ...], np.dtype[np.uint32]]
@@ -103,7 +104,7 @@ def _halve(level: ByteArray) -> ByteArray:
         return level
     side = level.shape[0] // 2
     total = level.reshape(side, 2, side, 2, 4).astype(np.uint16).sum(axis=(1, 3), dtype=np.uint16)
-    return ((total + 2) // 4).astype(np.uint8)
+    return np.asarray((total + 2) // 4, dtype=np.uint8)
 
 
 def _bgra(values: FloatArray | DoubleArray) -> ByteArray:
@@ -151,7 +152,8 @@ def _tiles(grain: FloatArray) -> FloatArray:
 def _gravel(rng: np.random.Generator) -> FloatArray:
     """A flat roof: gravel, stains and a few skylights."""
     size = 256
-    roof = _WHITE * (0.78 + 0.07 * periodic_noise(rng, size, 0.3) + 0.07 * periodic_noise(rng, size, 1.6))
+    stains = 0.07 * periodic_noise(rng, size, 0.3) + 0.07 * periodic_noise(rng, size, 1.6)
+    roof = np.asarray(_WHITE * (0.78 + stains), dtype=np.float32)
     roof[:5] = roof[-5:] = roof[:, :5] = roof[:, -5:] = 235.0
     for x, y, w, h in ((40, 60, 34, 22), (150, 40, 26, 26), (120, 170, 60, 18), (200, 190, 20, 30)):
         cv2.rectangle(roof, (x, y), (x + w, y + h), 120.0, -1)

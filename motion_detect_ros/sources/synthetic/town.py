@@ -125,10 +125,10 @@ def _placed(spec: ObjectSpec, rng: np.random.Generator) -> Body:
 
 
 def _buildings(plan: Plan, count: int, rng: np.random.Generator) -> list[Body]:
-    plots = [(block.kind, *lot) for block in plan.blocks if block.kind in ('houses', 'flats')
-             for lot in layout.lots(block)]
+    plots = [(block.kind, x, y, room_x, room_y) for block in plan.blocks if block.kind in ('houses', 'flats')
+             for x, y, room_x, room_y in layout.lots(block)]
     order = rng.permutation(len(plots))[:count]
-    return [_building(*plots[i], rng) for i in order]
+    return [_building(kind, x, y, room_x, room_y, rng) for kind, x, y, room_x, room_y in (plots[i] for i in order)]
 
 
 def _building(kind: str, x: float, y: float, room_x: float, room_y: float, rng: np.random.Generator) -> Body:
@@ -174,7 +174,7 @@ def _vehicle(x: float, y: float, heading: float, speed: float, rng: np.random.Ge
 def _parked(plan: Plan, count: int, rng: np.random.Generator) -> list[Body]:
     spots = layout.parking_spots(plan)
     order = rng.permutation(len(spots))[:count]
-    return [_vehicle(*spots[i], 0.0, rng, 0.0) for i in order]
+    return [_vehicle(x, y, heading, 0.0, rng, 0.0) for x, y, heading in (spots[i] for i in order)]
 
 
 def _cars(plan: Plan, count: int, traffic: _Traffic, rng: np.random.Generator) -> list[Body]:

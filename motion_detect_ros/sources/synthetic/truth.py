@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from motion_detect_ros.core.types import TRUTH_DTYPE, BoolArray, DoubleArray, FloatArray, RecordArray
 from motion_detect_ros.sources.synthetic.camera_path import CameraPose
+from motion_detect_ros.sources.synthetic.compiled import inlined, kernel
 from motion_detect_ros.sources.synthetic.raster import NOTHING, SUPER, Ids, draw_window
 from motion_detect_ros.sources.synthetic.scene import GROUND, Scene, View, corner_depths_and_pixels, plane_maps
 
@@ -99,7 +99,7 @@ def exact_flow(
     return flow, seen
 
 
-@numba.njit(cache=True, nogil=True, error_model='numpy')  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _flow(
     owner: Any, h: Any, g: Any, previous_ids: Any, previous_to_patch: Any, body: Any, flow: Any, seen: Any,
 ) -> None:
@@ -120,7 +120,7 @@ def _flow(
                 p, x, y, near, previous_ids, previous_to_patch, body)
 
 
-@numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True)  # type: ignore[untyped-decorator, unused-ignore]
+@inlined
 def _was_seen(p: int, x: float, y: float, near: float, ids: Any, to_patch: Any, body: Any) -> bool:
     """Whether the sample nearest to (x, y) of the previous frame shows patch ``p``, or its body at the same depth."""
     q = ids[int((y + 0.5) * SUPER), int((x + 0.5) * SUPER)]
@@ -132,7 +132,7 @@ def _was_seen(p: int, x: float, y: float, near: float, ids: Any, to_patch: Any, 
     return bool(abs(g[2, 0] * x + g[2, 1] * y + g[2, 2] - near) <= _SAME_DEPTH * near)
 
 
-@numba.njit(cache=True, nogil=True, error_model='numpy')  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _bounds(owner: Any, body: Any, bodies: int) -> Any:
     """(bodies, 5) int64: first column, first row, last column, last row, number of pixels."""
     out = np.zeros((bodies, 5), np.int64)
