@@ -8,16 +8,14 @@ from motion_detect_ros.core.art2 import Art2
 from motion_detect_ros.core.background import fit_background
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.contact import bearings
-from motion_detect_ros.core.ego_chain import EgoChain, LookBack
 from motion_detect_ros.core.evidence import ImagePair
 from motion_detect_ros.core.flow_features import magnitude, motion_vectors
+from motion_detect_ros.core.memory import Earlier, FrameMemory
 from motion_detect_ros.core.objects import MotionField, ObjectFinder
-from motion_detect_ros.core.optical_flow import HISTORY, total_to_residual
+from motion_detect_ros.core.optical_flow import total_to_residual
 from motion_detect_ros.core.segments import connected_segments
 from motion_detect_ros.core.tracks import Candidate, Tracker
 from motion_detect_ros.core.types import (
-    NANOSECONDS,
-    ByteArray,
     CameraModel,
     EgoMotion,
     FlowField,
@@ -34,46 +32,36 @@ class ClusteringStage:
     def __init__(self, config: PipelineConfig, camera: CameraModel | None = None) -> None:
         self._config = config
         self._camera = camera
-        self._chain = EgoChain()
-        self._history: dict[int, ByteArray] = {}
+        self._memory = FrameMemory(config.optical_flow.baseline_s)
         self._art2 = Art2(config.art2)
         self._finder = ObjectFinder(config.objects)
         self._tracker = Tracker(config.tracks)
 
     def reset(self) -> None:
         """Forget earlier frames, neurons and tracks; ids go on counting."""
-        self._chain.reset()
-        self._history.clear()
+        self._memory.reset()
         self._art2.reset()
         self._tracker.reset()
 
     def process(self, frame: PreparedFrame, flow: FlowField, ego: EgoMotion) -> RecordArray:
         """Confirmed moving objects in ``frame``, dtype ``DETECTION_DTYPE``; empty where there is no ego-motion."""
-        self._chain.append(ego)
-        back = self._chain.look_back(self._config.optical_flow.baseline_s)
-        earlier = self._history.get(back.stamp_ns) if back else None
-        self._history[frame.stamp_ns] = frame.gray
-        while len(self._history) > HISTORY:
-            self._history.pop(next(iter(self._history)))
-        if back is None or earlier is None:
+        earlier = self._memory.step(frame, ego)
+        if earlier is None:
             self._tracker.reset()
             return empty_detections()
-        candidates = self._candidates(frame, earlier, flow, back)
+        candidates = self._candidates(frame, earlier, flow)
         records = self._tracker.step(candidates, ego.matrix, ego.dt_s)
         return bearings(records, self._camera)
 
-    def _candidates(
-        self, frame: PreparedFrame, earlier: ByteArray, flow: FlowField, back: LookBack,
-    ) -> list[Candidate]:
-        residual = total_to_residual(flow.flow, back.matrix, flow.width, flow.height)
+    def _candidates(self, frame: PreparedFrame, earlier: Earlier, flow: FlowField) -> list[Candidate]:
+        residual = total_to_residual(flow.flow, earlier.matrix, flow.width, flow.height)
         residual[:self._ignored_rows(flow)] = np.nan
         background = fit_background(residual, self._config.background, magnitude(np.nan_to_num(flow.flow)))
         vectors = motion_vectors(residual, background)
         labels = self._art2.partial_fit(vectors.reshape(-1, 2)).reshape(vectors.shape[:2])
         segments = connected_segments(labels, self._art2.prototypes, self._config.objects.join_match)
-        seconds = (frame.stamp_ns - back.stamp_ns) / NANOSECONDS
-        field = MotionField(residual, background, seconds, frame.scale)
-        pair = ImagePair(frame.gray, earlier, at_scale(back.matrix, frame.scale))
+        field = MotionField(residual, background, earlier.seconds, frame.scale)
+        pair = ImagePair(frame.gray, earlier.gray, at_scale(earlier.matrix, frame.scale))
         return self._finder.find(segments, field, pair, self._art2.names)
 
     def _ignored_rows(self, flow: FlowField) -> int:

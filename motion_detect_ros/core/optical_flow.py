@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from motion_detect_ros.core.config import OpticalFlowConfig, PipelineConfig
-from motion_detect_ros.core.ego_chain import EgoChain, LookBack
+from motion_detect_ros.core.memory import Earlier, FrameMemory
 from motion_detect_ros.core.types import (
     ByteArray,
     DoubleArray,
@@ -17,9 +17,6 @@ from motion_detect_ros.core.types import (
 )
 from motion_detect_ros.core.warp import apply, at_scale, grid_points, inverse, stabilise
 
-#: Earlier grey images kept, frames.
-HISTORY = 16
-
 
 class OpticalFlowStage:
     """Keeps the last frames; gives the flow over ``baseline_s`` seconds for each new one."""
@@ -27,45 +24,33 @@ class OpticalFlowStage:
     def __init__(self, config: PipelineConfig) -> None:
         self._config = config.optical_flow
         self._flow = DisFlow(self._config)
-        self._chain = EgoChain()
-        self._history: dict[int, ByteArray] = {}
+        self._memory = FrameMemory(self._config.baseline_s)
 
     def reset(self) -> None:
         """Forget every earlier frame."""
-        self._chain.reset()
-        self._history.clear()
+        self._memory.reset()
 
     def process(self, frame: PreparedFrame, ego: EgoMotion) -> FlowField:
         """Flow into ``frame``; all NaN where there is no earlier frame or no ego-motion to stabilise with."""
-        self._chain.append(ego)
-        back = self._chain.look_back(self._config.baseline_s)
-        earlier = self._history.get(back.stamp_ns) if back else None
-        self._remember(frame)
-        if back is None or earlier is None or earlier.shape != frame.gray.shape:
-            return self._nothing(frame)
-        return FlowField(self._between(earlier, frame, back), frame.width, frame.height, frame.stamp_ns)
-
-    def _remember(self, frame: PreparedFrame) -> None:
-        self._history[frame.stamp_ns] = frame.gray
-        while len(self._history) > HISTORY:
-            self._history.pop(next(iter(self._history)))
+        earlier = self._memory.step(frame, ego)
+        flow = self._nothing(frame) if earlier is None else self._between(earlier, frame)
+        return FlowField(flow, frame.width, frame.height, frame.stamp_ns)
 
     def _grid(self, frame: PreparedFrame) -> tuple[int, int]:
         rows, columns = frame.gray.shape
         return max(1, round(rows / self._config.grid_px)), max(1, round(columns / self._config.grid_px))
 
-    def _nothing(self, frame: PreparedFrame) -> FlowField:
-        flow = np.full((*self._grid(frame), 2), np.nan, np.float32)
-        return FlowField(flow, frame.width, frame.height, frame.stamp_ns)
+    def _nothing(self, frame: PreparedFrame) -> FloatArray:
+        return np.full((*self._grid(frame), 2), np.nan, np.float32)
 
-    def _between(self, earlier: ByteArray, frame: PreparedFrame, back: LookBack) -> FloatArray:
+    def _between(self, earlier: Earlier, frame: PreparedFrame) -> FloatArray:
         """Total displacement on the grid: flow of the stabilised pair, put back under the ego-motion."""
         rows, columns = self._grid(frame)
-        stabilised = stabilise(earlier, at_scale(back.matrix, frame.scale))
+        stabilised = stabilise(earlier.gray, at_scale(earlier.matrix, frame.scale))
         to_earlier = self._flow.both_ways(frame.gray, stabilised)
         shift = cv2.resize(to_earlier, (columns, rows), interpolation=cv2.INTER_AREA) / np.float32(frame.scale)
         points = grid_points(rows, columns, frame.width, frame.height)
-        origin = apply(inverse(back.matrix), points + shift)
+        origin = apply(inverse(earlier.matrix), points + shift)
         flow = points - origin
         flow[outside(origin, frame.width, frame.height)] = np.nan
         return flow
