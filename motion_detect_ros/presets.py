@@ -1,0 +1,98 @@
+"""Presets: ROS parameter files that also serve offline, read without ROS."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from motion_detect_ros.core.config import PipelineConfig, with_settings
+from motion_detect_ros.core.errors import ConfigError
+
+PACKAGE = 'motion_detect_ros'
+#: Parameters of the nodes that are no settings of the perception core; a preset may hold them, offline skips them.
+NODE_PARAMETERS = frozenset({
+    'autostart', 'bag', 'fps', 'frame_id', 'image_reliability', 'image_topic', 'loop', 'queue_size', 'rate', 'source',
+    'use_sim_time', 'wait_for_subscribers',
+})
+
+
+def config_folders() -> Iterator[Path]:
+    """Where presets may be, nearest first: the source tree, the ament prefixes, the Python installation."""
+    yield Path(__file__).resolve().parent.parent / 'config'
+    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    for prefix in [*filter(None, prefixes), sys.prefix]:
+        yield Path(prefix) / 'share' / PACKAGE / 'config'
+
+
+def find_config(name: str) -> Path:
+    """Full path of a file that ships in ``config/``. Raises: ConfigError where no installation holds it."""
+    folders = list(config_folders())
+    for folder in folders:
+        if (folder / name).is_file():
+            return folder / name
+    raise ConfigError(f'{name}: expected in one of {", ".join(map(str, folders))}, found in none')
+
+
+def preset_names() -> list[str]:
+    """Names of the shipped presets."""
+    return sorted(path.stem for path in find_config('default.yaml').parent.glob('*.yaml'))
+
+
+def load_preset(name_or_path: str | Path) -> PipelineConfig:
+    """Settings of a shipped preset (``default``, ``visdrone``, ``kitti``) or of a parameter file.
+
+    Raises: ConfigError, one line, for an unknown preset, an unreadable file, an unknown key or a wrong value.
+    """
+    path = _path_of(str(name_or_path))
+    try:
+        values = read_parameters(path)
+        chosen = {name: value for name, value in values.items() if name not in NODE_PARAMETERS}
+        return with_settings(PipelineConfig(), chosen)
+    except ConfigError as error:
+        raise ConfigError(f'{path.name}: {error}') from None
+
+
+def read_parameters(path: Path) -> dict[str, Any]:
+    """Dotted parameter names and values of a ROS parameter file (``/**: ros__parameters:``).
+
+    Raises: ConfigError where the file cannot be read or is laid out otherwise.
+    """
+    try:
+        document = yaml.safe_load(path.read_text(encoding='utf-8'))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        reason = str(error).splitlines()[0]
+        raise ConfigError(f'expected a YAML parameter file, got {reason}') from None
+    if not isinstance(document, Mapping):
+        raise ConfigError(f'expected "/**: ros__parameters:" at the top, got {type(document).__name__}')
+    merged: dict[str, Any] = {}
+    for node, body in document.items():
+        if not isinstance(body, Mapping) or not isinstance(body.get('ros__parameters'), Mapping | None):
+            raise ConfigError(f'expected "ros__parameters:" under {node!r}')
+        if 'ros__parameters' not in body:
+            raise ConfigError(f'expected "ros__parameters:" under {node!r}, got {", ".join(map(str, body))}')
+        merged.update(_flat(body['ros__parameters'] or {}))
+    return merged
+
+
+def _path_of(name: str) -> Path:
+    if name.endswith(('.yaml', '.yml')) or os.sep in name:
+        if not Path(name).is_file():
+            raise ConfigError(f'{name}: expected a parameter file, found none')
+        return Path(name)
+    try:
+        return find_config(f'{name}.yaml')
+    except ConfigError:
+        raise ConfigError(f'{name}: expected a preset ({", ".join(preset_names())}) or a YAML file') from None
+
+
+def _flat(values: Mapping[str, Any], prefix: str = '') -> Iterator[tuple[str, Any]]:
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f'{prefix}{key}.')
+        else:
+            yield f'{prefix}{key}', value
