@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from motion_detect_ros.sources.synthetic.camera_path import CameraPath
 from motion_detect_ros.sources.synthetic.config import FlightConfig
 from motion_detect_ros.sources.synthetic.ground import paint_ground
 from motion_detect_ros.sources.synthetic.scene import View, look, make_scene
-from motion_detect_ros.sources.synthetic.textures import build_atlas, canopy_masks, materials
+from motion_detect_ros.sources.synthetic.textures import Atlas, build_atlas, canopy_masks, materials
 from motion_detect_ros.sources.synthetic.town import build_town
 
 
@@ -63,6 +64,19 @@ class _Drawn:
     nearness: FloatArray
 
 
+def _scenery(config: FlightConfig) -> FlightConfig:
+    """What of ``config`` the textures depend on: flights that differ in camera or movers only share them."""
+    return FlightConfig(
+        seed=config.seed, ground=config.ground, ground_contrast=config.ground_contrast,
+        buildings=config.buildings, trees=config.trees, cars=0, parked_cars=0, people=0)
+
+
+@lru_cache(maxsize=2)
+def _atlas(scenery: FlightConfig) -> Atlas:
+    """All textures; painting the ground is nine tenths of the cost of a new flight."""
+    return build_atlas([paint_ground(scenery, build_town(scenery)), *materials(scenery.seed)])
+
+
 class SyntheticFlight:
     """A sequence of ``SyntheticFrame``; the same config gives the same bytes, in whatever order frames are asked for.
 
@@ -72,11 +86,9 @@ class SyntheticFlight:
     def __init__(self, config: FlightConfig | None = None) -> None:
         self.config = config or FlightConfig()
         self._path = CameraPath(self.config)
-        town = build_town(self.config)
-        self.scene = make_scene(town.bodies)
+        self.scene = make_scene(build_town(self.config).bodies)
         self._masks: BoolArray = canopy_masks(self.config.seed)
-        ground = paint_ground(self.config, town)
-        self._paint = shading.make_paint(self.scene, build_atlas([ground, *materials(self.config.seed)]))
+        self._paint = shading.make_paint(self.scene, _atlas(_scenery(self.config)))
         self._latest: _Drawn | None = None
 
     def __len__(self) -> int:
@@ -127,12 +139,13 @@ class SyntheticFlight:
         pose, before = drawn.view.pose, previous.pose
         boxes, bodies = truth.truth_boxes(self.scene, drawn.view, owner, self._masks, drawn.index)
         ttc = [truth.time_to_contact(self.scene, int(b), before, pose, drawn.view.position[b]) for b in bodies]
-        if drawn.index == 0:
-            seen, before = np.zeros_like(seen), pose
-        rotation, translation = truth.relative_motion(before, pose)
+        ground, (rotation, translation) = truth.ground_homography(before, pose), truth.relative_motion(before, pose)
         flow[~seen] = np.nan
+        if drawn.index == 0:
+            ground, rotation, translation = np.eye(3), np.eye(3), np.zeros(3)
+            flow[:] = np.nan
         ident = np.where(owner >= 0, self.scene.ident[self.scene.body[np.maximum(owner, 0)]], 0)
         return SyntheticFrame(
             drawn.index, image, self.stamp_ns(drawn.index), pose.model(self.config.width, self.config.height), boxes,
-            np.array(ttc), truth.ground_homography(before, pose), flow, rotation, translation, pose.intrinsic,
+            np.array(ttc), ground, flow, rotation, translation, pose.intrinsic,
             ident.astype(np.int32))

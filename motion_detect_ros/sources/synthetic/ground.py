@@ -61,15 +61,15 @@ def _meadow(broad: FloatArray, fine: FloatArray) -> FloatArray:
 
 
 def _lay(canvas: FloatArray, cover: DoubleArray, colour: DoubleArray, shade: FloatArray, detail: float) -> None:
-    """Paint ``colour`` times ``shade`` where ``cover`` (0..1) says, in place, touching only the rows concerned."""
-    rows = np.flatnonzero(cover.max(axis=1) > 0)
+    """Paint ``colour`` times ``shade`` where ``cover`` (0..1) says, in place, touching only the part concerned."""
+    rows, columns = np.flatnonzero(cover.any(axis=1)), np.flatnonzero(cover.any(axis=0))
     if not len(rows):
         return
-    part = slice(rows[0], rows[-1] + 1)
+    part = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
     painted = np.empty_like(canvas[part])
-    painted[..., :3] = colour.astype(np.float32) * shade[part, :, None]
+    painted[..., :3] = colour.astype(np.float32) * shade[part][..., None].astype(np.float32)
     painted[..., 3] = detail
-    canvas[part] += cover[part, :, None].astype(np.float32) * (painted - canvas[part])
+    canvas[part] += cover[part][..., None].astype(np.float32) * (painted - canvas[part])
 
 
 def _axis() -> DoubleArray:

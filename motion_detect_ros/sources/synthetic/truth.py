@@ -19,6 +19,8 @@ MIN_VISIBLE_SHARE = 0.4
 MIN_LONG_SIDE_PX, MIN_SHORT_SIDE_PX = 6, 3
 #: A surface of the same body is taken for the same point where the depths agree to this share.
 _SAME_DEPTH = 0.01
+#: What lies on the picture's border is inside, whatever rounding makes of it, pixels.
+_EDGE_PX = 1e-6
 
 
 def ground_homography(previous: CameraPose, current: CameraPose) -> DoubleArray:
@@ -116,7 +118,8 @@ def _flow(
             y = (h[p, 1, 0] * column + h[p, 1, 1] * row + h[p, 1, 2]) * inverse
             flow[row, column, 0], flow[row, column, 1] = column - x, row - y
             near = (g[p, 2, 0] * column + g[p, 2, 1] * row + g[p, 2, 2]) * inverse
-            seen[row, column] = 0 <= x <= width - 1 and 0 <= y <= height - 1 and _was_seen(
+            inside = -_EDGE_PX <= x <= width - 1 + _EDGE_PX and -_EDGE_PX <= y <= height - 1 + _EDGE_PX
+            seen[row, column] = inside and _was_seen(
                 p, x, y, near, previous_ids, previous_to_patch, body)
 
 
