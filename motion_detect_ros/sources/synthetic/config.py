@@ -40,7 +40,11 @@ class ObjectSpec:
 
 @dataclass(frozen=True)
 class FlightConfig:
-    """A seeded flight over a town that repeats every 256 m. The same config always gives the same bytes."""
+    """A seeded flight over a town that repeats every 256 m. The same config always gives the same bytes.
+
+    Each body is drawn once, in the copy nearest to the view: a view that reaches over 128 m from its middle (low
+    pitch, short focal length, great height together) shows bare ground in its far corners.
+    """
 
     width: int = setting(960, 'image width', low=64, high=4096, unit='px')
     height: int = setting(540, 'image height', low=64, high=4096, unit='px')
