@@ -1,0 +1,185 @@
+"""The layers of the package: who may import whom, and how long anything may be.
+
+    core <- sources <- bridge <- nodes
+      ^--------^----------^----- tools
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+PACKAGE = 'motion_detect_ros'
+ROOT = Path(__file__).resolve().parent.parent / PACKAGE
+LAYERS = ('core', 'sources', 'bridge', 'nodes', 'tools')
+
+MAX_MODULE_LINES, MAX_NODE_LINES, MAX_FUNCTION_LINES = 300, 150, 60
+
+#: What each layer must not import, as regular expressions on the full dotted name.
+MESSAGES = r'\w+_msgs|std_srvs|builtin_interfaces|rcl_interfaces|unique_identifier_msgs'
+ROS = rf'rclpy|rosidl\w*|ament_\w+|launch|launch_ros|rpyutils|{MESSAGES}'
+FORBIDDEN = {
+    '': rf'rosidl\w*|lark|cv_bridge|{MESSAGES}',
+    'core': rf'{ROS}|{PACKAGE}\.(?!core\b).*',
+    'sources': rf'{ROS}|{PACKAGE}\.(?!core\b|sources\b).*',
+    'bridge': rf'rosidl\w*|lark|cv_bridge|{PACKAGE}\.(nodes|tools)',
+    'nodes': rf'cv2|numba|scipy|rosidl\w*|cv_bridge|{MESSAGES}|{PACKAGE}\.tools',
+    'tools': rf'rosidl\w*|lark|cv_bridge|{MESSAGES}|{PACKAGE}\.nodes',
+}
+#: The perception core knows no files, devices or processes either.
+CORE_THIRD_PARTY = frozenset({'numpy', 'numba', 'cv2', 'scipy', PACKAGE})
+CORE_STDLIB_DENIED = frozenset({
+    'os', 'io', 'pathlib', 'shutil', 'tempfile', 'subprocess', 'multiprocessing', 'socket', 'sys', 'sqlite3'})
+CORE_CALLS_DENIED = frozenset({'open', 'imread', 'imwrite', 'VideoCapture', 'VideoWriter', 'imshow'})
+
+
+def violations(layer: str, source: str) -> list[str]:
+    """Every rule that the source of a module of ``layer`` ('' = the package itself) breaks, one line each."""
+    tree = ast.parse(source)
+    return [*_imports(layer, tree), *_lengths(layer, source, tree), *_asserts(tree),
+            *(_core_only(tree) if layer == 'core' else ())]
+
+
+def imported_names(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """(line, dotted name) of everything imported anywhere in a module, inside functions and by name too."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            if node.level:
+                yield node.lineno, '.' * node.level + (node.module or '')
+            else:
+                yield from ((node.lineno, f'{node.module}.{alias.name}') for alias in node.names)
+        elif isinstance(node, ast.Call) and _called(node) in ('import_module', '__import__'):
+            yield from ((node.lineno, str(word.value)) for word in node.args[:1] if isinstance(word, ast.Constant))
+
+
+def _imports(layer: str, tree: ast.AST) -> Iterator[str]:
+    denied = re.compile(rf'(?:{FORBIDDEN[layer]})(?:\.|$)')
+    for line, name in imported_names(tree):
+        if name.startswith('.'):
+            yield f'line {line}: relative import {name}'
+        elif denied.match(name):
+            yield f'line {line}: {layer or "the package"} imports {name}'
+
+
+def _core_only(tree: ast.AST) -> Iterator[str]:
+    for line, name in imported_names(tree):
+        top = name.split('.', maxsplit=1)[0]
+        if top in CORE_STDLIB_DENIED or (top not in CORE_THIRD_PARTY and top not in sys.stdlib_module_names):
+            yield f'line {line}: core imports {top}'
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and _called(node) in CORE_CALLS_DENIED:
+            yield f'line {node.lineno}: core calls {_called(node)}'
+
+
+def _lengths(layer: str, source: str, tree: ast.AST) -> Iterator[str]:
+    allowed, lines = MAX_NODE_LINES if layer == 'nodes' else MAX_MODULE_LINES, len(source.splitlines())
+    if lines > allowed:
+        yield f'{lines} lines, expected at most {allowed}'
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            length = (node.end_lineno or 0) - node.lineno + 1
+            if length > MAX_FUNCTION_LINES:
+                yield f'line {node.lineno}: {node.name} has {length} lines, expected at most {MAX_FUNCTION_LINES}'
+
+
+def _asserts(tree: ast.AST) -> Iterator[str]:
+    return (f'line {node.lineno}: assert' for node in ast.walk(tree) if isinstance(node, ast.Assert))
+
+
+def _called(node: ast.Call) -> str:
+    return getattr(node.func, 'attr', None) or getattr(node.func, 'id', '')
+
+
+def _layer(module: Path) -> str:
+    parts = module.relative_to(ROOT).parts
+    return parts[0] if len(parts) > 1 else ''
+
+
+MODULES = sorted(ROOT.rglob('*.py'))
+
+
+def test_every_folder_is_a_known_layer() -> None:
+    assert {_layer(module) for module in MODULES} == {'', *LAYERS}
+
+
+@pytest.mark.parametrize('module', MODULES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_module_keeps_to_its_layer(module: Path) -> None:
+    assert violations(_layer(module), module.read_text(encoding='utf-8')) == []
+
+
+def test_core_and_sources_load_without_ros() -> None:
+    """What the imports say, run: a process that cannot import ROS loads both layers whole."""
+    names = [f'{PACKAGE}.{".".join(module.relative_to(ROOT).with_suffix("").parts)}'
+             for module in MODULES if _layer(module) in ('core', 'sources') and module.stem != '__init__']
+    code = textwrap.dedent(f'''
+        import importlib, importlib.abc, re, sys
+        class NoRos(importlib.abc.MetaPathFinder):
+            def find_spec(self, name, path=None, target=None):
+                if re.fullmatch(r"{ROS}", name):
+                    raise ImportError(f"{{name}} is not here")
+        sys.meta_path.insert(0, NoRos())
+        for name in {names!r}:
+            importlib.import_module(name)
+    ''')
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+BROKEN = {
+    ('core', 'import rclpy'): 'line 1: core imports rclpy',
+    ('core', 'def f():\n    from sensor_msgs.msg import Image'): 'line 2: core imports sensor_msgs.msg.Image',
+    ('core', 'from motion_detect_ros.sources.bags import BagReader'):
+        'line 1: core imports motion_detect_ros.sources.bags.BagReader',
+    ('core', 'from motion_detect_ros import bridge'): 'line 1: core imports motion_detect_ros.bridge',
+    ('core', 'from ..sources import bags'): 'line 1: relative import ..sources',
+    ('core', 'import rosbags'): 'line 1: core imports rosbags',
+    ('core', 'import pathlib'): 'line 1: core imports pathlib',
+    ('core', "open('x')"): 'line 1: core calls open',
+    ('core', "import cv2\ncv2.imread('x')"): 'line 2: core calls imread',
+    ('core', 'def f(x):\n    assert x'): 'line 2: assert',
+    ('sources', 'import rclpy.node'): 'line 1: sources imports rclpy.node',
+    ('sources', 'from builtin_interfaces.msg import Time'): 'line 1: sources imports builtin_interfaces.msg.Time',
+    ('sources', 'from motion_detect_ros.tools import convert'):
+        'line 1: sources imports motion_detect_ros.tools.convert',
+    ('sources', "import importlib\nimportlib.import_module('rclpy')"): 'line 2: sources imports rclpy',
+    ('bridge', 'from rosidl_runtime_py import utilities'): 'line 1: bridge imports rosidl_runtime_py.utilities',
+    ('bridge', 'import motion_detect_ros.nodes.camera'): 'line 1: bridge imports motion_detect_ros.nodes.camera',
+    ('nodes', 'import cv2'): 'line 1: nodes imports cv2',
+    ('nodes', 'from numba import njit'): 'line 1: nodes imports numba.njit',
+    ('nodes', 'from sensor_msgs.msg import Image'): 'line 1: nodes imports sensor_msgs.msg.Image',
+    ('nodes', 'from std_srvs.srv import Trigger'): 'line 1: nodes imports std_srvs.srv.Trigger',
+    ('nodes', '\n' * 151): '151 lines, expected at most 150',
+    ('tools', 'from nav_msgs.msg import Odometry'): 'line 1: tools imports nav_msgs.msg.Odometry',
+    ('tools', '\n' * 301): '301 lines, expected at most 300',
+    ('tools', 'def f():\n' + '    pass\n' * 60): 'line 1: f has 61 lines, expected at most 60',
+    ('', 'from std_msgs.msg import Header'): 'the package imports std_msgs.msg.Header',
+}
+
+
+@pytest.mark.parametrize(('case', 'complaint'), BROKEN.items(), ids=lambda value: None)
+def test_checker_sees_a_violation(case: tuple[str, str], complaint: str) -> None:
+    found = violations(*case)
+    assert any(line.endswith(complaint) for line in found), found
+
+
+@pytest.mark.parametrize(('layer', 'source'), [
+    ('core', 'import cv2\nimport numpy as np\nfrom motion_detect_ros.core.types import Result'),
+    ('core', 'from scipy.optimize import linear_sum_assignment\nfrom enum import IntEnum'),
+    ('sources', 'import rosbags\nfrom pathlib import Path\nfrom motion_detect_ros.core import types'),
+    ('bridge', 'import rclpy\nfrom sensor_msgs.msg import Image\nfrom std_srvs.srv import Trigger'),
+    ('nodes', 'import rclpy\nfrom motion_detect_ros.bridge.images import image_to_msg'),
+    ('tools', 'import cv2\nimport rclpy\nfrom motion_detect_ros.bridge.records import read_detections'),
+    ('nodes', '\n' * 150),
+    ('core', 'def f():\n' + '    pass\n' * 59),
+])
+def test_checker_accepts_what_is_right(layer: str, source: str) -> None:
+    assert violations(layer, source) == []
