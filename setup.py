@@ -18,15 +18,15 @@ setup(
     python_requires='>=3.11',
     install_requires=[
         'setuptools',
+        'apsw>=3.40',
         'mcap>=1.1',
         'numba>=0.59',
         'numpy>=1.26',
         'opencv-python-headless>=4.6',
         'PyYAML>=6.0',
-        'rosbags>=0.10.4',
+        'rosbags>=0.11',
         'scipy>=1.11',
         'tqdm>=4.60',
-        'zstandard>=0.20',
     ],
     extras_require={
         'ros': ['ros-jazzy-rclpy', 'ros-jazzy-common-interfaces', 'ros-jazzy-rmw-fastrtps-cpp'],
