@@ -75,6 +75,18 @@ class TestBoxes:
             assert (box['x'], box['y']) == (columns.min(), rows.min())
             assert (box['w'], box['h']) == (np.ptp(columns) + 1, np.ptp(rows) + 1)
 
+    def test_boxes_are_centred_to_a_tenth_of_a_pixel_on_average(self) -> None:
+        # flat on the ground at 7.2 px/m from (-0.7 m, 0.4 m), 2.361 px a frame to the right and 1.237 px down:
+        # steps that fall on every fraction of a pixel
+        speed, heading = math.hypot(2.361, 1.237) / 7.2 * 10, -math.degrees(math.atan2(1.237, 2.361))
+        source = flight(frames=40, objects=(ObjectSpec('box', -0.7, 0.4, heading, speed, 5.0, 5.0, 0.001),))
+        offsets = []
+        for index in range(40):
+            box = record(source.frame(index), 1)
+            offsets.append([box['x'] + (box['w'] - 1) / 2 - (CENTRE[0] - 0.7 * 7.2 + 2.361 * index),
+                            box['y'] + (box['h'] - 1) / 2 - (CENTRE[1] - 0.4 * 7.2 + 1.237 * index)])
+        assert np.abs(np.mean(offsets, axis=0)).max() < 0.1
+
     def test_moving_is_told_from_standing(self) -> None:
         frame = flight(pitch_deg=55.0, speed_m_s=8.0, objects=self.specs).frame(4)
         assert record(frame, 1)['moving'] == 1
