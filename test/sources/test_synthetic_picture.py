@@ -186,16 +186,17 @@ class TestSameBytes:
 
     def test_any_number_of_opencv_threads(self) -> None:
         from motion_detect_ros.sources.synthetic import flight as module
-        images = []
         before = cv2.getNumThreads()
+        if before == 1:
+            pytest.skip('OpenCV has one thread here: nothing to compare')
+        usual = SyntheticFlight(SMALL).frame(3).image.tobytes()
         try:
-            for threads in (1, 2):
-                cv2.setNumThreads(threads)
-                module._atlas.cache_clear()  # else the second flight would share the first one's textures
-                images.append(SyntheticFlight(SMALL).frame(3).image.tobytes())
+            cv2.setNumThreads(1)
+            module._atlas.cache_clear()  # else the second flight would share the first one's textures
+            single = SyntheticFlight(SMALL).frame(3).image.tobytes()
         finally:
             cv2.setNumThreads(before)
-        assert images[0] == images[1]
+        assert single == usual
 
     def test_another_seed_is_another_town(self) -> None:
         image = SyntheticFlight(SMALL).frame(3).image
