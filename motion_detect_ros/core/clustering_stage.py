@@ -18,6 +18,7 @@ from motion_detect_ros.core.tracks import Candidate, Tracker
 from motion_detect_ros.core.types import (
     CameraModel,
     EgoMotion,
+    EgoStatus,
     FlowField,
     PreparedFrame,
     RecordArray,
@@ -25,17 +26,25 @@ from motion_detect_ros.core.types import (
 )
 from motion_detect_ros.core.warp import at_scale
 
+#: Nothing seen before such a frame can be found again in it.
+STARTS_ANEW = (EgoStatus.FIRST_FRAME, EgoStatus.TIME_JUMP, EgoStatus.SIZE_CHANGE)
+
 
 class ClusteringStage:
     """Tells moving objects from background in one frame's flow and follows them over frames."""
 
     def __init__(self, config: PipelineConfig, camera: CameraModel | None = None) -> None:
         self._config = config
-        self._camera = camera
+        self.camera = camera
         self._memory = FrameMemory(config.optical_flow.baseline_s)
         self._art2 = Art2(config.art2)
         self._finder = ObjectFinder(config.objects)
         self._tracker = Tracker(config.tracks)
+
+    @property
+    def neurons(self) -> int:
+        """Committed ART2 neurons, the background's included."""
+        return len(self._art2.prototypes)
 
     def reset(self) -> None:
         """Forget earlier frames, neurons and tracks; ids go on counting."""
@@ -46,12 +55,14 @@ class ClusteringStage:
     def process(self, frame: PreparedFrame, flow: FlowField, ego: EgoMotion) -> RecordArray:
         """Confirmed moving objects in ``frame``, dtype ``DETECTION_DTYPE``; empty where there is no ego-motion."""
         earlier = self._memory.step(frame, ego)
-        if earlier is None:
+        if ego.status in STARTS_ANEW:
             self._tracker.reset()
+        if earlier is None:
+            self._tracker.skip()
             return empty_detections()
         candidates = self._candidates(frame, earlier, flow)
         records = self._tracker.step(candidates, ego.matrix, ego.dt_s)
-        return bearings(records, self._camera)
+        return bearings(records, self.camera)
 
     def _candidates(self, frame: PreparedFrame, earlier: Earlier, flow: FlowField) -> list[Candidate]:
         residual = total_to_residual(flow.flow, earlier.matrix, flow.width, flow.height)

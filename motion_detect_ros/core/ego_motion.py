@@ -38,7 +38,7 @@ class EgoMotionStage:
     def __init__(self, config: PipelineConfig, camera: CameraModel | None = None) -> None:
         self._config = config.ego_motion
         self._ignore_top_px = config.preprocessing.ignore_top_px
-        self._camera = camera
+        self.camera = camera
         self._filter = ParameterKalman(self._config)
         self._previous: PreparedFrame | None = None
         cv2.setRNGSeed(0)

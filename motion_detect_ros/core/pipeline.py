@@ -12,7 +12,7 @@ from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.ego_motion import EgoMotionStage
 from motion_detect_ros.core.optical_flow import OpticalFlowStage
 from motion_detect_ros.core.preprocessing import Preprocessor
-from motion_detect_ros.core.types import CameraModel, Result, StageTimes
+from motion_detect_ros.core.types import NANOSECONDS, CameraModel, Result, StageTimes
 
 
 class MotionPipeline:
@@ -47,8 +47,26 @@ class MotionPipeline:
             1e3 * (prepared - start), 1e3 * (stabilised - prepared),
             1e3 * (flowed - stabilised), 1e3 * (done - flowed)))
 
+    def use_camera(self, camera: CameraModel) -> None:
+        """Calibration from now on."""
+        self._ego_motion.camera = camera
+        self._clustering.camera = camera
+
     def reset(self) -> None:
         """Forget every earlier frame, cluster and track; ids go on counting, none is used twice."""
         self._ego_motion.reset()
         self._optical_flow.reset()
         self._clustering.reset()
+
+
+def warm_up(config: PipelineConfig) -> None:
+    """Compile (or load from the cache) every kernel, on a scratch pipeline, so that no real frame has to wait."""
+    pipeline = MotionPipeline(config)
+    random = np.random.default_rng(0)
+    ground = random.integers(0, 255, (160, 200), np.uint8)
+    thing = random.integers(0, 255, (40, 40), np.uint8)
+    for index in range(config.tracks.confirm_hits + 2):
+        image = ground.copy()
+        left = 40 + 6 * index
+        image[60:100, left:left + 40] = thing
+        pipeline.process(image, (index + 1) * NANOSECONDS // 25)

@@ -118,6 +118,13 @@ class Tracker:
         self._tracks = [track for track in self._tracks if self._alive(track)]
         return self._report()
 
+    def skip(self) -> None:
+        """A frame without ego-motion: nobody knows where the objects went; every track misses once."""
+        for track in self._tracks:
+            track.missed += 1
+            track.hits = [*track.hits, False][-self._config.confirm_frames:]
+        self._tracks = [track for track in self._tracks if self._alive(track)]
+
     def _assign(self, candidates: list[Candidate]) -> dict[int, int]:
         """Track index -> candidate index, least total cost (Kuhn 1955), gated."""
         if not self._tracks or not candidates:

@@ -1,0 +1,103 @@
+"""sensor_msgs images <-> numpy. The pixel codec itself is ``sources.encoding``."""
+
+from __future__ import annotations
+
+from array import array
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from builtin_interfaces.msg import Time
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from std_msgs.msg import Header
+
+from motion_detect_ros.core.errors import MessageError
+from motion_detect_ros.core.types import NANOSECONDS, CameraModel, FlowField
+from motion_detect_ros.sources.encoding import FLOW_ENCODING, decode, encoding_of, pixel_rows
+
+
+def stamp_ns(header: Header) -> int:
+    """Time of a header, nanoseconds."""
+    return int(header.stamp.sec) * NANOSECONDS + int(header.stamp.nanosec)
+
+
+def stamp_of(nanoseconds: int) -> Time:
+    """Nanoseconds as a message."""
+    return Time(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)
+
+
+def image_from_msg(msg: Image | CompressedImage) -> npt.NDArray[np.uint8]:
+    """(H, W) grey or (H, W, 3) BGR uint8; a view of the message's bytes where its layout allows.
+
+    Raises: MessageError for an unknown encoding, too few bytes, or bytes that are no JPEG or PNG.
+    """
+    if isinstance(msg, CompressedImage):
+        return _decompressed(msg)
+    return decode(msg.height, msg.width, msg.encoding, bool(msg.is_bigendian), msg.step, msg.data)
+
+
+def image_to_msg(image: npt.NDArray[np.uint8], header: Header) -> Image:
+    """mono8 or bgr8. image: (H, W) or (H, W, 3) uint8. Raises: MessageError for anything else."""
+    encoding = encoding_of(image)
+    height, width = image.shape[:2]
+    channels = 1 if image.ndim == 2 else image.shape[2]
+    return Image(header=header, height=height, width=width, encoding=encoding, is_bigendian=0,
+                 step=width * channels, data=bytes_of(image))
+
+
+def compressed_to_msg(image: npt.NDArray[np.uint8], header: Header) -> CompressedImage:
+    """JPEG. image: (H, W) or (H, W, 3) uint8. Raises: MessageError for anything else."""
+    encoding = encoding_of(image)
+    _, buffer = cv2.imencode('.jpg', image)
+    return CompressedImage(header=header, format=f'{encoding}; jpeg compressed {encoding}', data=bytes_of(buffer))
+
+
+def flow_to_msg(flow: FlowField, header: Header) -> Image:
+    """32FC2, channel 0 = dx, 1 = dy, full-resolution pixels, on the flow's own grid."""
+    height, width = flow.flow.shape[:2]
+    values = np.ascontiguousarray(flow.flow, '<f4')
+    return Image(header=header, height=height, width=width, encoding=FLOW_ENCODING, is_bigendian=0,
+                 step=width * 8, data=bytes_of(values))
+
+
+def flow_from_msg(msg: Image, width: int, height: int) -> FlowField:
+    """The flow field of an image of ``width`` x ``height`` pixels. Raises: MessageError for another encoding."""
+    if msg.encoding != FLOW_ENCODING:
+        raise MessageError(f'flow encoding: expected {FLOW_ENCODING}, got {msg.encoding!r}')
+    values = pixel_rows(msg.height, msg.width, 'f4', 2, bool(msg.is_bigendian), msg.step, msg.data)
+    return FlowField(values.astype(np.float32), width, height, stamp_ns(msg.header))
+
+
+def camera_from_msg(msg: CameraInfo) -> CameraModel | None:
+    """Pinhole model of a rectified camera (matrix P, else K); None where it is uncalibrated (all zero)."""
+    p, k = msg.p, msg.k
+    fx, fy, cx, cy = (p[0], p[5], p[2], p[6]) if p[0] else (k[0], k[4], k[2], k[5])
+    if not fx or not fy:
+        return None
+    return CameraModel(int(msg.width), int(msg.height), float(fx), float(fy), float(cx), float(cy))
+
+
+def camera_to_msg(camera: CameraModel | None, width: int, height: int, header: Header) -> CameraInfo:
+    """Calibration of an undistorted camera; zeros say uncalibrated (REP 104)."""
+    info = CameraInfo(header=header, height=height, width=width, distortion_model='plumb_bob', d=[0.0] * 5)
+    if camera is not None:
+        fx, fy, cx, cy = camera.fx, camera.fy, camera.cx, camera.cy
+        info.k = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
+        info.r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+        info.p = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]
+    return info
+
+
+def bytes_of(values: npt.NDArray[np.generic]) -> array[int]:
+    """The bytes of an array in the one form that rclpy's setters take without walking every element."""
+    data = array('B')
+    data.frombytes(memoryview(np.ascontiguousarray(values)).cast('B'))
+    return data
+
+
+def _decompressed(msg: CompressedImage) -> npt.NDArray[np.uint8]:
+    buffer = np.frombuffer(msg.data, np.uint8)
+    image = cv2.imdecode(buffer, cv2.IMREAD_ANYCOLOR) if buffer.size else None
+    if image is None or image.dtype != np.uint8:
+        raise MessageError(f'compressed image: expected JPEG or PNG, got {buffer.size} bytes of {msg.format!r}')
+    return image

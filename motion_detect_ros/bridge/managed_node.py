@@ -1,0 +1,126 @@
+"""The frame that every node of the package stands in: lifecycle, diagnostics, reset, clean end."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+from motion_detect_ros.bridge.diagnostics import StageStats, to_diagnostics
+from motion_detect_ros.bridge.params import declare_simple
+from motion_detect_ros.core.errors import MotionDetectError
+
+DIAGNOSTICS_PERIOD_S = 1.0
+#: Seconds between two warnings about the same thing.
+WARNING_PERIOD_S = 5.0
+
+
+class ManagedNode(LifecycleNode):
+    """A lifecycle node that starts by itself unless ``autostart`` is false.
+
+    A subclass overrides ``open`` (resources, warm-up), ``begin`` (subscriptions, timers, threads), ``end`` and
+    ``reset``. ``finished`` ends the process with ``exit_code`` when it is set.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.stats = StageStats()
+        self.finished: Future = Future()
+        self.exit_code = 0
+        self._autostart = bool(declare_simple(self, 'autostart', True, 'configure and activate at start'))
+        self._entities: list[tuple[Any, Any]] = []
+        self._reporter = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self.create_timer(DIAGNOSTICS_PERIOD_S, self._report)
+        self.create_service(Trigger, '~/reset', self._on_reset)
+
+    def start(self) -> None:
+        """Configure and activate, where ``autostart`` says so."""
+        if self._autostart:
+            self.trigger_configure()
+            self.trigger_activate()
+
+    def open(self) -> None:
+        """Make what outlives an activation: stages, publishers."""
+
+    def begin(self) -> None:
+        """Start working."""
+
+    def end(self) -> None:
+        """Stop working; ``begin`` may come again."""
+
+    def reset(self) -> None:
+        """Forget history."""
+
+    def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
+        """More key-value pairs for ``/diagnostics``."""
+        return ()
+
+    def now_ns(self) -> int:
+        """Time of the node's clock."""
+        return int(self.get_clock().now().nanoseconds)
+
+    def bad_input(self, error: Exception) -> None:
+        """An input that cannot be used costs itself and nothing else."""
+        self.stats.count_error(str(error))
+        self.get_logger().warning(f'input left out: {error}', throttle_duration_sec=WARNING_PERIOD_S)
+
+    def subscribe(self, *args: Any, **options: Any) -> None:
+        """A subscription that lives until deactivation."""
+        self._entities.append((self.destroy_subscription, self.create_subscription(*args, **options)))
+
+    def close(self) -> None:
+        """End whatever runs; safe to call at any time."""
+        self._leave()
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Lifecycle: inactive from now on."""
+        return self._attempt(self.open) and super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Lifecycle: working from now on."""
+        result = super().on_activate(state)
+        return self._attempt(self.begin) and result
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Lifecycle: idle from now on."""
+        self._leave()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Lifecycle: as if just made."""
+        self.reset()
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Lifecycle: over."""
+        self._leave()
+        return super().on_shutdown(state)
+
+    def _attempt(self, action: Any) -> TransitionCallbackReturn:
+        try:
+            action()
+        except MotionDetectError as error:
+            self.get_logger().error(str(error))
+            self.stats.count_error(str(error))
+            return TransitionCallbackReturn.FAILURE
+        return TransitionCallbackReturn.SUCCESS
+
+    def _leave(self) -> None:
+        while self._entities:
+            destroy, entity = self._entities.pop()
+            destroy(entity)
+        self.end()
+
+    def _report(self) -> None:
+        name, stamp = self.get_fully_qualified_name(), self.get_clock().now().to_msg()
+        summary = self.stats.summary(time.monotonic_ns())
+        self._reporter.publish(to_diagnostics(name, self.get_name(), summary, stamp, self.extra_diagnostics()))
+
+    def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.reset()
+        response.success, response.message = True, 'history cleared'
+        return response

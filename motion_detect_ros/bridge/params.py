@@ -1,0 +1,65 @@
+"""ROS parameters, declared by walking the settings of the perception core."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import (
+    InvalidParameterException,
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    ParameterException,
+)
+from rclpy.node import Node
+
+from motion_detect_ros.core.config import PipelineConfig, Scalar, settings, with_settings
+from motion_detect_ros.core.errors import ConfigError
+
+_REFUSED = (InvalidParameterException, InvalidParameterTypeException, InvalidParameterValueException,
+            ParameterException)
+
+
+def declare_config(node: Node) -> PipelineConfig:
+    """Declares every setting (read-only while running) and returns the configuration that the user gave.
+
+    Raises: ConfigError, one line, for a wrong type or a value outside its range.
+    """
+    values = {name: declare(node, name, default, metadata) for name, default, metadata in settings(PipelineConfig())}
+    return with_settings(PipelineConfig(), values)
+
+
+def declare(node: Node, name: str, default: Scalar, metadata: Mapping[str, Any]) -> Scalar:
+    """Declares one read-only parameter from a setting's metadata; returns its value. Raises: ConfigError."""
+    return declare_simple(node, name, default, _description(metadata), metadata.get('low'), metadata.get('high'),
+                          metadata.get('choices', ()))
+
+
+def declare_simple(
+    node: Node, name: str, default: Scalar, doc: str,
+    low: float | None = None, high: float | None = None, choices: tuple[str, ...] = (),
+) -> Scalar:
+    """Declares one read-only parameter of a node. Raises: ConfigError for a wrong type or value."""
+    descriptor = ParameterDescriptor(description=doc, read_only=True)
+    if low is not None and high is not None:
+        if isinstance(default, float):
+            descriptor.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]
+        else:
+            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
+    if choices:
+        descriptor.additional_constraints = f'one of {", ".join(choices)}'
+    try:
+        value = node.declare_parameter(name, default, descriptor).value
+    except _REFUSED as error:
+        expected = type(default).__name__ + (f' from {low} to {high}' if low is not None else '')
+        reason = ' '.join(str(error).split())
+        raise ConfigError(f'parameter {name}: expected {expected} (1.0, not 1, for a float): {reason}') from None
+    if choices and value not in choices:
+        raise ConfigError(f'parameter {name}: expected one of {", ".join(choices)}, got {value!r}')
+    return value
+
+
+def _description(metadata: Mapping[str, Any]) -> str:
+    unit = f' [{metadata["unit"]}]' if metadata.get('unit') else ''
+    return f'{metadata["doc"]}{unit}'

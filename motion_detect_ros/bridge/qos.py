@@ -1,0 +1,27 @@
+"""Quality of service of every topic, in one place."""
+
+from __future__ import annotations
+
+from rclpy.qos import QoSHistoryPolicy, QoSPolicyKind, QoSProfile, QoSReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+
+#: Small records may queue; images may not, an old one is worth nothing.
+IMAGE_DEPTH = 1
+RECORD_DEPTH = 5
+RELIABILITIES = {'reliable': QoSReliabilityPolicy.RELIABLE, 'best_effort': QoSReliabilityPolicy.BEST_EFFORT}
+
+
+def image_qos(reliability: str = 'reliable', depth: int = IMAGE_DEPTH) -> QoSProfile:
+    """For images and flow. reliability: ``reliable`` or ``best_effort``."""
+    return QoSProfile(history=QoSHistoryPolicy.KEEP_LAST, depth=depth, reliability=RELIABILITIES[reliability])
+
+
+def record_qos() -> QoSProfile:
+    """For ego-motion and detections."""
+    return QoSProfile(history=QoSHistoryPolicy.KEEP_LAST, depth=RECORD_DEPTH,
+                      reliability=QoSReliabilityPolicy.RELIABLE)
+
+
+def overridable() -> QoSOverridingOptions:
+    """Lets users set history, depth and reliability by the standard ``qos_overrides`` parameters."""
+    return QoSOverridingOptions([QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY])

@@ -1,0 +1,34 @@
+"""Messages by name and as bytes: what replaying a bag needs."""
+
+from __future__ import annotations
+
+import struct
+from importlib import import_module
+from typing import Any
+
+from motion_detect_ros.core.errors import MessageError
+from motion_detect_ros.core.types import NANOSECONDS
+
+#: Types whose first field is a std_msgs/Header: its stamp stands at byte 4 of the serialised message.
+IMAGE_TYPES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
+
+
+def message_class(name: str) -> Any:
+    """The Python class of ``package/msg/Type``. Raises: MessageError where it is not installed."""
+    package, _, kind = name.partition('/')
+    try:
+        return getattr(import_module(f'{package}.msg'), kind.rpartition('/')[2])
+    except (ImportError, AttributeError):
+        raise MessageError(f'message type {name}: expected an installed package, found none') from None
+
+
+def header_stamp_ns(data: bytes) -> int:
+    """Stamp of a serialised (CDR) message that begins with a Header, nanoseconds.
+
+    Raises: MessageError for fewer bytes than a stamp takes.
+    """
+    if len(data) < 12:
+        raise MessageError(f'serialised message: expected at least 12 bytes, got {len(data)}')
+    order = '<' if data[1] & 1 else '>'
+    seconds, nanoseconds = struct.unpack_from(f'{order}iI', data, 4)
+    return int(seconds) * NANOSECONDS + int(nanoseconds)

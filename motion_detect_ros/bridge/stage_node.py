@@ -1,0 +1,129 @@
+"""Base of the nodes that run a stage: settings, joined inputs, a worker thread, errors that cost only their frame."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from std_msgs.msg import Header
+
+from motion_detect_ros.bridge import transport
+from motion_detect_ros.bridge.images import camera_from_msg, stamp_ns
+from motion_detect_ros.bridge.managed_node import ManagedNode
+from motion_detect_ros.bridge.params import declare_config, declare_simple
+from motion_detect_ros.bridge.qos import image_qos, overridable
+from motion_detect_ros.bridge.sync import ExactJoin
+from motion_detect_ros.bridge.worker import Worker
+from motion_detect_ros.core.errors import MotionDetectError
+from motion_detect_ros.core.pipeline import warm_up
+from motion_detect_ros.core.types import CameraModel
+
+#: Images this large are lost between processes by stock Fast DDS, bytes.
+BIG_IMAGE_BYTES = 500_000
+#: Subscriptions hold this many messages while the executor is busy; what waits longer is dropped by the mailbox.
+SUBSCRIPTION_DEPTH = 5
+
+
+class StageNode(ManagedNode):
+    """Joins the messages of one image and hands them to ``work`` in a thread of its own."""
+
+    #: Topics joined besides the image: (name, message type).
+    inputs: tuple[tuple[str, Any], ...] = ()
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.config = declare_config(self)
+        self._reliability = str(declare_simple(
+            self, 'image_reliability', 'reliable', 'reliability asked of image publishers',
+            choices=('reliable', 'best_effort')))
+        self._compressed = bool(declare_simple(
+            self, 'compressed', False, 'listen to image_raw/compressed instead of image_raw'))
+        self._queue_size = int(declare_simple(
+            self, 'queue_size', 2, 'images that may wait for this stage; more are dropped, oldest first', 1, 1000))
+        self._join = ExactJoin(('image', *(topic for topic, _ in self.inputs)), 2 * self._queue_size + 8)
+        self._worker: Worker[tuple[Any, ...]] | None = None
+        self._busy = threading.Lock()
+        self._join_drops = 0
+
+    def make_stage(self) -> None:
+        """Make publishers and the stage. Overridden."""
+
+    def work(self, *messages: Any) -> Header:
+        """Process one image's messages and publish; returns the header that was answered. Overridden."""
+        raise NotImplementedError
+
+    def use_camera(self, camera: CameraModel) -> None:
+        """The calibration has come. Overridden where a stage uses it."""
+
+    def open(self) -> None:
+        """Warm kernels, publishers, stage."""
+        warm_up(self.config)
+        self.make_stage()
+
+    def begin(self) -> None:
+        """Listen."""
+        self._worker = Worker(self._guarded, self._queue_size, self.stats.count_dropped)
+        quality = image_qos(self._reliability, SUBSCRIPTION_DEPTH)
+        topic, kind = ('image_raw/compressed', CompressedImage) if self._compressed else ('image_raw', Image)
+        self._hear(kind, topic, 'image', quality)
+        for name, message in self.inputs:
+            self._hear(message, name, name, image_qos('reliable', SUBSCRIPTION_DEPTH))
+        self.subscribe(CameraInfo, 'camera_info', self._on_camera, image_qos(self._reliability))
+
+    def end(self) -> None:
+        """Stop the thread."""
+        if self._worker:
+            self._worker.stop()
+            self._worker = None
+        self._join.clear()
+
+    def locked(self, action: Callable[[], None]) -> None:
+        """Run something between two frames."""
+        with self._busy:
+            action()
+
+    def _hear(self, kind: Any, topic: str, name: str, quality: QoSProfile) -> None:
+        self.subscribe(kind, topic, lambda msg: self._on_input(name, msg), quality,
+                       qos_overriding_options=overridable())
+
+    def _on_input(self, name: str, msg: Any) -> None:
+        if name == 'image':
+            self.stats.count_received(time.monotonic_ns())
+            self._check_transport(msg)
+        messages = self._join.add(name, stamp_ns(msg.header), msg)
+        if self._join.dropped > self._join_drops:
+            self.stats.count_dropped(self._join.dropped - self._join_drops)
+            self._join_drops = self._join.dropped
+        if messages and self._worker:
+            self._worker.submit(messages)
+
+    def _guarded(self, messages: tuple[Any, ...]) -> None:
+        start = time.perf_counter()
+        try:
+            with self._busy:
+                header = self.work(*messages)
+        except MotionDetectError as error:
+            self.bad_input(error)
+            return
+        except Exception as error:  # a bug must not stop the stream: it costs the frame and is reported
+            self.get_logger().error(f'{type(error).__name__}: {error}', throttle_duration_sec=5.0)
+            self.stats.count_error(f'{type(error).__name__}: {error}')
+            return
+        latency_ms = 1e3 * (time.perf_counter() - start)
+        age_ms = (self.now_ns() - stamp_ns(header)) / 1e6
+        self.stats.count_processed(time.monotonic_ns(), latency_ms, age_ms)
+
+    def _on_camera(self, msg: CameraInfo) -> None:
+        camera = camera_from_msg(msg)
+        if camera is not None:
+            self.locked(lambda: self.use_camera(camera))
+
+    def _check_transport(self, msg: Any) -> None:
+        if len(msg.data) > BIG_IMAGE_BYTES and not transport.profile_set():
+            self.get_logger().warning(
+                f'images of {len(msg.data)} bytes without a Fast DDS profile: some may be lost; '
+                f'set {transport.PROFILE_VARIABLE} (README, Transport)', once=True)

@@ -1,0 +1,104 @@
+"""``camera``: a webcam, video, stream or image folder -> image_raw, camera_info."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
+
+from motion_detect_ros.bridge.images import camera_to_msg, image_to_msg, stamp_of
+from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode
+from motion_detect_ros.bridge.params import declare_simple
+from motion_detect_ros.bridge.qos import image_qos, overridable
+from motion_detect_ros.bridge.runner import main_of
+from motion_detect_ros.core.errors import MotionDetectError, SourceError
+from motion_detect_ros.sources.capture import Capture
+from motion_detect_ros.sources.frames import SourceFrame
+
+#: Longest wait for a picture before looking whether to stop, seconds.
+READ_TIMEOUT_S = 0.2
+
+
+class CameraNode(ManagedNode):
+    """Publishes pictures as they come, the newest first to leave, and says when it falls behind."""
+
+    def __init__(self) -> None:
+        super().__init__('camera')
+        self._source = str(declare_simple(
+            self, 'source', '0', 'camera number, file, folder, bag, or rtsp:// http:// address'))
+        self._fps = float(declare_simple(self, 'fps', 0.0, 'rate of a source without stamps, 0 = its own', 0.0, 1000.0))
+        self._frame_id = str(declare_simple(self, 'frame_id', 'camera_optical_frame', 'frame of the optical axis'))
+        self._every_nth = int(declare_simple(self, 'every_nth', 1, 'use one picture of every N', 1, 1000))
+        self._take = int(declare_simple(self, 'take', 1, 'use the first so many ...', 1, 1000))
+        self._of = int(declare_simple(self, 'of', 1, '... of every so many pictures', 1, 1000))
+        self._queue_size = int(declare_simple(self, 'queue_size', 2, 'pictures that may wait', 1, 1000))
+        self._realtime = bool(declare_simple(self, 'realtime', True, 'play files at their own pace, drop late ones'))
+        self._thread: threading.Thread | None = None
+        self._stopped = threading.Event()
+        self._capture = self._opened()
+
+    def open(self) -> None:
+        """Publishers."""
+        options = {'qos_overriding_options': overridable()}
+        self._images = self.create_lifecycle_publisher(Image, 'image_raw', image_qos(), **options)
+        self._infos = self.create_lifecycle_publisher(CameraInfo, 'camera_info', image_qos(), **options)
+
+    def begin(self) -> None:
+        """Capture in a thread."""
+        self._stopped.clear()
+        self._thread = threading.Thread(target=self._run, name='camera', daemon=True)
+        self._thread.start()
+
+    def end(self) -> None:
+        """Let go of the device."""
+        self._stopped.set()
+        if self._thread and self._thread is not threading.current_thread():
+            self._thread.join(5.0)
+            self._thread = None
+
+    def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
+        """Counts of the capture."""
+        return tuple((f'capture_{key}', str(value)) for key, value in vars(self._capture.stats).items())
+
+    def _opened(self) -> Capture:
+        return Capture(self._source, self._fps or None, self._every_nth, self._take, self._of, self._queue_size,
+                       self._realtime)
+
+    def _run(self) -> None:
+        try:
+            with self._capture as capture:
+                while not self._stopped.is_set() and not capture.ended:
+                    frame = capture.read(READ_TIMEOUT_S)
+                    if frame is not None:
+                        self._publish(frame)
+        except SourceError as error:
+            self.get_logger().error(str(error))
+            self.exit_code = 2
+        if self._stopped.is_set():
+            self._capture = self._opened()
+        else:
+            self.finished.set_result(None)
+
+    def _publish(self, frame: SourceFrame) -> None:
+        start = time.perf_counter()
+        self.stats.count_received(time.monotonic_ns())
+        header = Header(stamp=stamp_of(frame.stamp_ns), frame_id=self._frame_id)
+        height, width = frame.image.shape[:2]
+        try:
+            self._infos.publish(camera_to_msg(self._capture.camera, width, height, header))
+            self._images.publish(image_to_msg(frame.image, header))
+        except MotionDetectError as error:
+            self.bad_input(error)
+        latency_ms = 1e3 * (time.perf_counter() - start)
+        self.stats.count_processed(time.monotonic_ns(), latency_ms, (self.now_ns() - frame.stamp_ns) / 1e6)
+        if self._capture.stats.behind:
+            self.get_logger().warning('processing is slower than the camera: pictures are dropped',
+                                      throttle_duration_sec=WARNING_PERIOD_S)
+
+
+main = main_of(CameraNode)
+
+if __name__ == '__main__':
+    main()

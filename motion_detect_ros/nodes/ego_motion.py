@@ -1,0 +1,56 @@
+"""``ego_motion``: image_raw -> ego_motion."""
+
+from __future__ import annotations
+
+from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Header
+
+from motion_detect_ros.bridge.images import image_from_msg, stamp_ns
+from motion_detect_ros.bridge.qos import overridable, record_qos
+from motion_detect_ros.bridge.records import ego_to_msg
+from motion_detect_ros.bridge.runner import main_of
+from motion_detect_ros.bridge.stage_node import StageNode
+from motion_detect_ros.core.ego_motion import EgoMotionStage
+from motion_detect_ros.core.preprocessing import Preprocessor
+from motion_detect_ros.core.types import CameraModel
+
+
+class EgoMotionNode(StageNode):
+    """Publishes how the camera's own motion moved the background, with covariance and status."""
+
+    def __init__(self) -> None:
+        super().__init__('ego_motion')
+        self._latest: tuple[tuple[str, str], ...] = ()
+
+    def make_stage(self) -> None:
+        """Stage and publisher."""
+        self._preprocessor = Preprocessor(self.config.preprocessing)
+        self._stage = EgoMotionStage(self.config)
+        self._publisher = self.create_lifecycle_publisher(
+            PointCloud2, 'ego_motion', record_qos(), qos_overriding_options=overridable())
+
+    def work(self, image: Image) -> Header:
+        """One image: estimate and publish."""
+        frame = self._preprocessor.process(image_from_msg(image), stamp_ns(image.header))
+        ego = self._stage.process(frame)
+        self._publisher.publish(ego_to_msg(ego, image.header))
+        self._latest = (('status', ego.status.name), ('inliers', str(ego.inliers)), ('tracks', str(ego.tracks)))
+        return image.header
+
+    def use_camera(self, camera: CameraModel) -> None:
+        """Hand the calibration on."""
+        self._stage.camera = camera
+
+    def reset(self) -> None:
+        """Forget the previous frame."""
+        self.locked(self._stage.reset)
+
+    def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
+        """Quality of the latest estimate."""
+        return self._latest
+
+
+main = main_of(EgoMotionNode)
+
+if __name__ == '__main__':
+    main()
