@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 
 from motion_detect_ros.bridge.diagnostics import StageStats, to_diagnostics
 from motion_detect_ros.bridge.params import declare_simple
-from motion_detect_ros.core.errors import MotionDetectError
+from motion_detect_ros.core.errors import MotionDetectError, SourceError
 
 DIAGNOSTICS_PERIOD_S = 1.0
 #: Seconds between two warnings about the same thing.
@@ -31,6 +31,7 @@ class ManagedNode(LifecycleNode):
         self.stats = StageStats()
         self.finished: Future = Future()
         self.exit_code = 0
+        self._failure = ''
         self._autostart = bool(declare_simple(self, 'autostart', True, 'configure and activate at start'))
         self._entities: list[tuple[Any, Any]] = []
         self._reporter = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
@@ -38,10 +39,11 @@ class ManagedNode(LifecycleNode):
         self.create_service(Trigger, '~/reset', self._on_reset)
 
     def start(self) -> None:
-        """Configure and activate, where ``autostart`` says so."""
+        """Configure and activate, where ``autostart`` says so. Raises: SourceError where that fails."""
         if self._autostart:
-            self.trigger_configure()
-            self.trigger_activate()
+            for transition in (self.trigger_configure, self.trigger_activate):
+                if transition() != TransitionCallbackReturn.SUCCESS:
+                    raise SourceError(f'{self.get_name()}: {self._failure or "does not start"}')
 
     def open(self) -> None:
         """Make what outlives an activation: stages, publishers."""
@@ -78,12 +80,13 @@ class ManagedNode(LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle: inactive from now on."""
-        return self._attempt(self.open) and super().on_configure(state)
+        result = self._attempt(self.open)
+        return super().on_configure(state) if result == TransitionCallbackReturn.SUCCESS else result
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle: working from now on."""
-        result = super().on_activate(state)
-        return self._attempt(self.begin) and result
+        super().on_activate(state)
+        return self._attempt(self.begin)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle: idle from now on."""
@@ -103,9 +106,10 @@ class ManagedNode(LifecycleNode):
     def _attempt(self, action: Any) -> TransitionCallbackReturn:
         try:
             action()
-        except MotionDetectError as error:
-            self.get_logger().error(str(error))
-            self.stats.count_error(str(error))
+        except Exception as error:  # rclpy would swallow it
+            self._failure = str(error) if isinstance(error, MotionDetectError) else f'{type(error).__name__}: {error}'
+            self.get_logger().error(self._failure)
+            self.stats.count_error(self._failure)
             return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS
 

@@ -41,7 +41,7 @@ class BagPlayerNode(ManagedNode):
 
     def open(self) -> None:
         """Publishers for all topics of the bag whose types are installed."""
-        self._clock = self.create_lifecycle_publisher(Clock, '/clock', record_qos())
+        self._ticks = self.create_lifecycle_publisher(Clock, '/clock', record_qos())
         self._publishers_of: dict[str, Any] = {}
         self._images = tuple(topic.name for topic in self._topics if topic.msgtype in IMAGE_TYPES)
         for topic in self._topics:
@@ -101,7 +101,7 @@ class BagPlayerNode(ManagedNode):
             return
         if message.topic in self._images:
             self.stats.count_received(time.monotonic_ns())
-            self._clock.publish(Clock(clock=stamp_of(self._stamp_of(message))))
+            self._ticks.publish(Clock(clock=stamp_of(self._stamp_of(message))))
         start = time.perf_counter()
         publisher.publish(message.data)
         self.stats.count_processed(time.monotonic_ns(), 1e3 * (time.perf_counter() - start), 0.0)
