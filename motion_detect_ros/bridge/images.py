@@ -26,6 +26,11 @@ def stamp_of(nanoseconds: int) -> Time:
     return Time(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)
 
 
+def header_of(nanoseconds: int, frame_id: str) -> Header:
+    """A header with this time and frame."""
+    return Header(stamp=stamp_of(nanoseconds), frame_id=frame_id)
+
+
 def image_from_msg(msg: Image | CompressedImage) -> npt.NDArray[np.uint8]:
     """(H, W) grey or (H, W, 3) BGR uint8; a view of the message's bytes where its layout allows.
 
@@ -60,12 +65,15 @@ def flow_to_msg(flow: FlowField, header: Header) -> Image:
                  step=width * 8, data=bytes_of(values))
 
 
-def flow_from_msg(msg: Image, width: int, height: int) -> FlowField:
-    """The flow field of an image of ``width`` x ``height`` pixels. Raises: MessageError for another encoding."""
+def flow_from_msg(msg: Image) -> FlowField:
+    """The flow field; its width and height are the grid's, as the message does not tell the image's.
+
+    Raises: MessageError for another encoding.
+    """
     if msg.encoding != FLOW_ENCODING:
         raise MessageError(f'flow encoding: expected {FLOW_ENCODING}, got {msg.encoding!r}')
     values = pixel_rows(msg.height, msg.width, 'f4', 2, bool(msg.is_bigendian), msg.step, msg.data)
-    return FlowField(values.astype(np.float32), width, height, stamp_ns(msg.header))
+    return FlowField(values.astype(np.float32), int(msg.width), int(msg.height), stamp_ns(msg.header))
 
 
 def camera_from_msg(msg: CameraInfo) -> CameraModel | None:

@@ -7,16 +7,18 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 from rclpy.qos import QoSProfile
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
 
 from motion_detect_ros.bridge import transport
-from motion_detect_ros.bridge.images import camera_from_msg, stamp_ns
+from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.managed_node import ManagedNode
 from motion_detect_ros.bridge.params import declare_config, declare_simple
 from motion_detect_ros.bridge.qos import image_qos, overridable
 from motion_detect_ros.bridge.sync import ExactJoin
+from motion_detect_ros.bridge.topics import CAMERA_INFO, COMPRESSED, IMAGE, Topic
 from motion_detect_ros.bridge.worker import Worker
 from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.core.pipeline import warm_up
@@ -31,8 +33,8 @@ SUBSCRIPTION_DEPTH = 5
 class StageNode(ManagedNode):
     """Joins the messages of one image and hands them to ``work`` in a thread of its own."""
 
-    #: Topics joined besides the image: (name, message type).
-    inputs: tuple[tuple[str, Any], ...] = ()
+    #: Topics joined besides the image.
+    inputs: tuple[Topic, ...] = ()
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -44,7 +46,7 @@ class StageNode(ManagedNode):
             self, 'compressed', False, 'listen to image_raw/compressed instead of image_raw'))
         self._queue_size = int(declare_simple(
             self, 'queue_size', 2, 'images that may wait for this stage; more are dropped, oldest first', 1, 1000))
-        self._join = ExactJoin(('image', *(topic for topic, _ in self.inputs)), 2 * self._queue_size + 8)
+        self._join = ExactJoin(('image', *(topic.name for topic in self.inputs)), 2 * self._queue_size + 8)
         self._worker: Worker[tuple[Any, ...]] | None = None
         self._busy = threading.Lock()
         self._join_drops = 0
@@ -52,8 +54,8 @@ class StageNode(ManagedNode):
     def make_stage(self) -> None:
         """Make publishers and the stage. Overridden."""
 
-    def work(self, *messages: Any) -> Header:
-        """Process one image's messages and publish; returns the header that was answered. Overridden."""
+    def work(self, header: Header, image: npt.NDArray[np.uint8], *values: Any) -> None:
+        """Process one image and what the ``inputs`` say about it, and publish with its header. Overridden."""
         raise NotImplementedError
 
     def use_camera(self, camera: CameraModel) -> None:
@@ -68,11 +70,10 @@ class StageNode(ManagedNode):
         """Listen."""
         self._worker = Worker(self._guarded, self._queue_size, self.stats.count_dropped)
         quality = image_qos(self._reliability, SUBSCRIPTION_DEPTH)
-        topic, kind = ('image_raw/compressed', CompressedImage) if self._compressed else ('image_raw', Image)
-        self._hear(kind, topic, 'image', quality)
-        for name, message in self.inputs:
-            self._hear(message, name, name, image_qos('reliable', SUBSCRIPTION_DEPTH))
-        self.subscribe(CameraInfo, 'camera_info', self._on_camera, image_qos(self._reliability))
+        self._hear(COMPRESSED if self._compressed else IMAGE, 'image', quality)
+        for topic in self.inputs:
+            self._hear(topic, topic.name, image_qos('reliable', SUBSCRIPTION_DEPTH))
+        self.subscribe(CAMERA_INFO.kind, CAMERA_INFO.name, self._on_camera, image_qos(self._reliability))
 
     def end(self) -> None:
         """Stop the thread."""
@@ -86,8 +87,8 @@ class StageNode(ManagedNode):
         with self._busy:
             action()
 
-    def _hear(self, kind: Any, topic: str, name: str, quality: QoSProfile) -> None:
-        self.subscribe(kind, topic, lambda msg: self._on_input(name, msg), quality,
+    def _hear(self, topic: Topic, name: str, quality: QoSProfile) -> None:
+        self.subscribe(topic.kind, topic.name, lambda msg: self._on_input(name, msg), quality,
                        qos_overriding_options=overridable())
 
     def _on_input(self, name: str, msg: Any) -> None:
@@ -105,7 +106,7 @@ class StageNode(ManagedNode):
         start = time.perf_counter()
         try:
             with self._busy:
-                header = self.work(*messages)
+                self.work(messages[0].header, *self._values(messages))
         except MotionDetectError as error:
             self.bad_input(error)
             return
@@ -114,11 +115,15 @@ class StageNode(ManagedNode):
             self.stats.count_error(f'{type(error).__name__}: {error}')
             return
         latency_ms = 1e3 * (time.perf_counter() - start)
-        age_ms = (self.now_ns() - stamp_ns(header)) / 1e6
+        age_ms = (self.now_ns() - stamp_ns(messages[0].header)) / 1e6
         self.stats.count_processed(time.monotonic_ns(), latency_ms, age_ms)
 
-    def _on_camera(self, msg: CameraInfo) -> None:
-        camera = camera_from_msg(msg)
+    def _values(self, messages: tuple[Any, ...]) -> list[Any]:
+        decoders = (IMAGE.from_msg, *(topic.from_msg for topic in self.inputs))
+        return [decode(message) for decode, message in zip(decoders, messages, strict=True)]
+
+    def _on_camera(self, msg: Any) -> None:
+        camera = CAMERA_INFO.from_msg(msg)
         if camera is not None:
             self.locked(lambda: self.use_camera(camera))
 

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from sensor_msgs.msg import Image, PointCloud2
-from std_msgs.msg import Header
+from dataclasses import replace
+from typing import Any
 
-from motion_detect_ros.bridge.detections import DetectionPublisher
-from motion_detect_ros.bridge.images import flow_from_msg, image_from_msg, stamp_ns
-from motion_detect_ros.bridge.records import ego_from_msg
+from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.stage_node import StageNode
+from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, DetectionPublisher
 from motion_detect_ros.core.clustering_stage import ClusteringStage
 from motion_detect_ros.core.preprocessing import Preprocessor
-from motion_detect_ros.core.types import CameraModel
+from motion_detect_ros.core.types import ByteArray, CameraModel, EgoMotion, FlowField
 
 
 class Art2ClusteringNode(StageNode):
     """Publishes the moving objects of each image."""
 
-    inputs = (('flow', Image), ('ego_motion', PointCloud2))
+    inputs = (FLOW, EGO_MOTION)
 
     def __init__(self) -> None:
         super().__init__('art2_clustering')
@@ -30,14 +29,12 @@ class Art2ClusteringNode(StageNode):
         self._stage = ClusteringStage(self.config)
         self._publisher = DetectionPublisher(self)
 
-    def work(self, image: Image, flow: Image, ego_motion: PointCloud2) -> Header:
+    def work(self, header: Any, image: ByteArray, flow: FlowField, ego: EgoMotion) -> None:  # type: ignore[override]
         """One image: detect and publish."""
-        frame = self._preprocessor.process(image_from_msg(image), stamp_ns(image.header))
-        field = flow_from_msg(flow, frame.width, frame.height)
-        records = self._stage.process(frame, field, ego_from_msg(ego_motion))
-        self._publisher.publish(records, image.header)
+        frame = self._preprocessor.process(image, stamp_ns(header))
+        records = self._stage.process(frame, replace(flow, width=frame.width, height=frame.height), ego)
+        self._publisher.publish(records, header)
         self._latest = (('objects', str(len(records))), ('neurons', str(self._stage.neurons)))
-        return image.header
 
     def use_camera(self, camera: CameraModel) -> None:
         """Hand the calibration on."""

@@ -6,19 +6,19 @@ import threading
 import time
 from typing import Any
 
-from rosgraph_msgs.msg import Clock
-
-from motion_detect_ros.bridge.images import stamp_of
 from motion_detect_ros.bridge.managed_node import ManagedNode
 from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.bridge.qos import image_qos, overridable, record_qos
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.serialized import IMAGE_TYPES, header_stamp_ns, message_class
+from motion_detect_ros.bridge.topics import CLOCK, TopicPublisher
 from motion_detect_ros.core.errors import MessageError, SourceError
 from motion_detect_ros.sources.bags import BagReader, RawMessage
 
-#: How often it looks whether enough subscribers are there, and how long the last message gets to leave, seconds.
+#: How often it looks whether enough subscribers are there, how long others get to be found after them, and how long
+#: the last message gets to leave, seconds.
 POLL_S = 0.02
+SETTLE_S = 0.5
 LINGER_S = 0.5
 
 
@@ -41,7 +41,7 @@ class BagPlayerNode(ManagedNode):
 
     def open(self) -> None:
         """Publishers for all topics of the bag whose types are installed."""
-        self._ticks = self.create_lifecycle_publisher(Clock, '/clock', record_qos())
+        self._ticks = TopicPublisher(self, CLOCK)
         self._publishers_of: dict[str, Any] = {}
         self._images = tuple(topic.name for topic in self._topics if topic.msgtype in IMAGE_TYPES)
         for topic in self._topics:
@@ -84,6 +84,8 @@ class BagPlayerNode(ManagedNode):
             return all(self._publishers_of[name].get_subscription_count() >= self._wait_for for name in self._images)
         while not there() and not self._stopped.wait(POLL_S):
             pass
+        if self._wait_for:
+            self._stopped.wait(SETTLE_S)
 
     def _play_once(self) -> None:
         with BagReader(self._bag) as reader:
@@ -101,7 +103,7 @@ class BagPlayerNode(ManagedNode):
             return
         if message.topic in self._images:
             self.stats.count_received(time.monotonic_ns())
-            self._ticks.publish(Clock(clock=stamp_of(self._stamp_of(message))))
+            self._ticks.publish(self._stamp_of(message))
         start = time.perf_counter()
         publisher.publish(message.data)
         self.stats.count_processed(time.monotonic_ns(), 1e3 * (time.perf_counter() - start), 0.0)

@@ -5,14 +5,11 @@ from __future__ import annotations
 import threading
 import time
 
-from sensor_msgs.msg import CameraInfo, Image
-from std_msgs.msg import Header
-
-from motion_detect_ros.bridge.images import camera_to_msg, image_to_msg, stamp_of
+from motion_detect_ros.bridge.images import camera_to_msg, header_of
 from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode
 from motion_detect_ros.bridge.params import declare_simple
-from motion_detect_ros.bridge.qos import image_qos, overridable
 from motion_detect_ros.bridge.runner import main_of
+from motion_detect_ros.bridge.topics import CAMERA_INFO, IMAGE, TopicPublisher
 from motion_detect_ros.core.errors import MotionDetectError, SourceError
 from motion_detect_ros.sources.capture import Capture
 from motion_detect_ros.sources.frames import SourceFrame
@@ -41,9 +38,8 @@ class CameraNode(ManagedNode):
 
     def open(self) -> None:
         """Publishers."""
-        options = {'qos_overriding_options': overridable()}
-        self._images = self.create_lifecycle_publisher(Image, 'image_raw', image_qos(), **options)
-        self._infos = self.create_lifecycle_publisher(CameraInfo, 'camera_info', image_qos(), **options)
+        self._images = TopicPublisher(self, IMAGE)
+        self._infos = TopicPublisher(self, CAMERA_INFO)
 
     def begin(self) -> None:
         """Capture in a thread."""
@@ -84,11 +80,11 @@ class CameraNode(ManagedNode):
     def _publish(self, frame: SourceFrame) -> None:
         start = time.perf_counter()
         self.stats.count_received(time.monotonic_ns())
-        header = Header(stamp=stamp_of(frame.stamp_ns), frame_id=self._frame_id)
+        header = header_of(frame.stamp_ns, self._frame_id)
         height, width = frame.image.shape[:2]
         try:
             self._infos.publish(camera_to_msg(self._capture.camera, width, height, header))
-            self._images.publish(image_to_msg(frame.image, header))
+            self._images.publish(frame.image, header)
         except MotionDetectError as error:
             self.bad_input(error)
         latency_ms = 1e3 * (time.perf_counter() - start)

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from sensor_msgs.msg import Image, PointCloud2
-from std_msgs.msg import Header
+from typing import Any
 
-from motion_detect_ros.bridge.images import image_from_msg, stamp_ns
-from motion_detect_ros.bridge.qos import overridable, record_qos
-from motion_detect_ros.bridge.records import ego_to_msg
+from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.stage_node import StageNode
+from motion_detect_ros.bridge.topics import EGO_MOTION, TopicPublisher
 from motion_detect_ros.core.ego_motion import EgoMotionStage
 from motion_detect_ros.core.preprocessing import Preprocessor
-from motion_detect_ros.core.types import CameraModel
+from motion_detect_ros.core.types import ByteArray, CameraModel
 
 
 class EgoMotionNode(StageNode):
@@ -26,16 +24,14 @@ class EgoMotionNode(StageNode):
         """Stage and publisher."""
         self._preprocessor = Preprocessor(self.config.preprocessing)
         self._stage = EgoMotionStage(self.config)
-        self._publisher = self.create_lifecycle_publisher(
-            PointCloud2, 'ego_motion', record_qos(), qos_overriding_options=overridable())
+        self._publisher = TopicPublisher(self, EGO_MOTION)
 
-    def work(self, image: Image) -> Header:
+    def work(self, header: Any, image: ByteArray) -> None:  # type: ignore[override]
         """One image: estimate and publish."""
-        frame = self._preprocessor.process(image_from_msg(image), stamp_ns(image.header))
+        frame = self._preprocessor.process(image, stamp_ns(header))
         ego = self._stage.process(frame)
-        self._publisher.publish(ego_to_msg(ego, image.header))
+        self._publisher.publish(ego, header)
         self._latest = (('status', ego.status.name), ('inliers', str(ego.inliers)), ('tracks', str(ego.tracks)))
-        return image.header
 
     def use_camera(self, camera: CameraModel) -> None:
         """Hand the calibration on."""

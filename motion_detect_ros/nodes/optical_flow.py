@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from sensor_msgs.msg import Image, PointCloud2
-from std_msgs.msg import Header
+from typing import Any
 
-from motion_detect_ros.bridge.images import flow_to_msg, image_from_msg, stamp_ns
-from motion_detect_ros.bridge.qos import image_qos, overridable
-from motion_detect_ros.bridge.records import ego_from_msg
+from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.stage_node import StageNode
+from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, TopicPublisher
 from motion_detect_ros.core.optical_flow import OpticalFlowStage
 from motion_detect_ros.core.preprocessing import Preprocessor
+from motion_detect_ros.core.types import ByteArray, EgoMotion
 
 
 class OpticalFlowNode(StageNode):
     """Publishes the dense flow of each image, on the stabilised pair."""
 
-    inputs = (('ego_motion', PointCloud2),)
+    inputs = (EGO_MOTION,)
 
     def __init__(self) -> None:
         super().__init__('optical_flow')
@@ -26,15 +25,12 @@ class OpticalFlowNode(StageNode):
         """Stage and publisher."""
         self._preprocessor = Preprocessor(self.config.preprocessing)
         self._stage = OpticalFlowStage(self.config)
-        self._publisher = self.create_lifecycle_publisher(
-            Image, 'flow', image_qos(), qos_overriding_options=overridable())
+        self._publisher = TopicPublisher(self, FLOW)
 
-    def work(self, image: Image, ego_motion: PointCloud2) -> Header:
+    def work(self, header: Any, image: ByteArray, ego: EgoMotion) -> None:  # type: ignore[override]
         """One image: flow and publish."""
-        frame = self._preprocessor.process(image_from_msg(image), stamp_ns(image.header))
-        flow = self._stage.process(frame, ego_from_msg(ego_motion))
-        self._publisher.publish(flow_to_msg(flow, image.header))
-        return image.header
+        frame = self._preprocessor.process(image, stamp_ns(header))
+        self._publisher.publish(self._stage.process(frame, ego), header)
 
     def reset(self) -> None:
         """Forget earlier frames."""

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from sensor_msgs.msg import Image, PointCloud2
-from std_msgs.msg import Header
+from typing import Any
 
-from motion_detect_ros.bridge.detections import DetectionPublisher
-from motion_detect_ros.bridge.images import flow_to_msg, image_from_msg, stamp_ns
-from motion_detect_ros.bridge.qos import image_qos, overridable, record_qos
-from motion_detect_ros.bridge.records import ego_to_msg
+from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.stage_node import StageNode
+from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, DetectionPublisher, TopicPublisher
 from motion_detect_ros.core.pipeline import MotionPipeline
-from motion_detect_ros.core.types import CameraModel, StageTimes
+from motion_detect_ros.core.types import ByteArray, CameraModel, StageTimes
 
 
 class PipelineNode(StageNode):
@@ -26,20 +23,18 @@ class PipelineNode(StageNode):
     def make_stage(self) -> None:
         """Pipeline and publishers."""
         self._pipeline = MotionPipeline(self.config)
-        options = {'qos_overriding_options': overridable()}
-        self._ego_publisher = self.create_lifecycle_publisher(PointCloud2, 'ego_motion', record_qos(), **options)
-        self._flow_publisher = self.create_lifecycle_publisher(Image, 'flow', image_qos(), **options)
+        self._ego_publisher = TopicPublisher(self, EGO_MOTION)
+        self._flow_publisher = TopicPublisher(self, FLOW)
         self._publisher = DetectionPublisher(self)
 
-    def work(self, image: Image) -> Header:
+    def work(self, header: Any, image: ByteArray) -> None:  # type: ignore[override]
         """One image: process and publish, detections first."""
-        result = self._pipeline.process(image_from_msg(image), stamp_ns(image.header))
-        self._publisher.publish(result.detections, image.header)
-        self._ego_publisher.publish(ego_to_msg(result.ego, image.header))
-        if self._flow_publisher.get_subscription_count():
-            self._flow_publisher.publish(flow_to_msg(result.flow, image.header))
+        result = self._pipeline.process(image, stamp_ns(header))
+        self._publisher.publish(result.detections, header)
+        self._ego_publisher.publish(result.ego, header)
+        if self._flow_publisher.listeners:
+            self._flow_publisher.publish(result.flow, header)
         self._times, self._objects = result.times_ms, len(result.detections)
-        return image.header
 
     def use_camera(self, camera: CameraModel) -> None:
         """Hand the calibration on."""
