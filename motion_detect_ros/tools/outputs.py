@@ -103,11 +103,11 @@ class ReplayOutputs:
         self._csv = (folder / (CSV_NAME + PART_SUFFIX)).open('w', encoding='ascii', newline='\n')
         self._csv.write(CSV_HEADER + '\n')
 
-    def write(self, frame: int, result: Result) -> None:
+    def write(self, frame: int, stamp_ns: int, detections: RecordArray) -> None:
         """Add the detections of one frame: a message always, a row for each."""
-        self.bag.write_detections(result.detections, result.stamp_ns)
-        for record in result.detections:
-            self._csv.write(csv_row(frame, result.stamp_ns, record) + '\n')
+        self.bag.write_detections(detections, stamp_ns)
+        for record in detections:
+            self._csv.write(csv_row(frame, stamp_ns, record) + '\n')
         self._csv.flush()
 
     def __enter__(self) -> Self:

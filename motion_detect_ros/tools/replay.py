@@ -60,6 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--topic', help='image topic of a bag that has several')
     parser.add_argument('--workers', type=int, default=1, help='processes, for several inputs')
     parser.add_argument('--live', action='store_true', help='play through the ROS nodes instead')
+    parser.add_argument('--rate', type=float, default=1.0, help='with --live: speed against the recording')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -67,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.workers < 1:
         raise SourceError(f'--workers: expected 1 or more, got {arguments.workers}')
     if arguments.live:
-        raise BackendError('--live: playing through the ROS nodes is not available here; leave --live out')
+        return _run_live(arguments)
     config = load_preset(arguments.config or arguments.preset)
     jobs = make_jobs(arguments, config)
     outcomes = [*_run_parallel(jobs, arguments.workers)] if arguments.workers > 1 else [*map(run_job, jobs)]
@@ -75,6 +76,20 @@ def run(arguments: argparse.Namespace) -> int:
         print(outcome.line, file=sys.stderr if outcome.exit_code == UNREADABLE else sys.stdout)
     codes = {outcome.exit_code for outcome in outcomes}
     return codes.pop() if len(codes) == 1 else PARTIAL
+
+
+def _run_live(arguments: argparse.Namespace) -> int:
+    """The inputs one after the other through the nodes; raises what they raise."""
+    try:
+        from motion_detect_ros.tools.live_replay import replay_live
+    except ModuleNotFoundError as error:
+        raise BackendError(f'--live: expected an installation of ROS 2, but {error.name} is missing') from None
+    unanswered = 0
+    for job in make_jobs(arguments, PipelineConfig()):
+        missing, line = replay_live(Path(job.path), job.folder, arguments.config or arguments.preset, arguments.rate)
+        unanswered += missing
+        print(line)
+    return PARTIAL if unanswered else OK
 
 
 def make_jobs(arguments: argparse.Namespace, config: PipelineConfig) -> list[Job]:
@@ -138,7 +153,7 @@ def _process(pipeline: MotionPipeline, frame: SourceFrame, outputs: ReplayOutput
     except FrameError:  # a picture the core refuses (size, type) costs that picture only
         tally.bad_frames += 1
         return
-    outputs.write(frame.index, result)
+    outputs.write(frame.index, result.stamp_ns, result.detections)
     tally.add(result)
 
 

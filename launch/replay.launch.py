@@ -1,0 +1,36 @@
+"""A bag through the detector, as if it were happening now."""
+
+from pathlib import Path
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, Shutdown
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+OWN = (
+    ('bag', '', 'MCAP or db3 file'),
+    ('rate', '1.0', 'speed against the recording'),
+    ('loop', 'false', 'start again at the end'),
+    ('wait_for_subscribers', '1', 'subscribers of the images to wait for before the start'),
+)
+
+
+def generate_launch_description():
+    """The detector without camera, and a player that ends it all when the bag is over."""
+    detector = IncludeLaunchDescription(
+        PythonLaunchDescriptionSource(str(Path(__file__).with_name('motion_detect.launch.py'))),
+        launch_arguments={'camera': 'false', 'use_sim_time': 'true'}.items())
+    typed = {'rate': float, 'loop': bool, 'wait_for_subscribers': int}
+    parameters = {'bag': ParameterValue(LaunchConfiguration('bag'), value_type=str)}
+    parameters |= {name: ParameterValue(LaunchConfiguration(name), value_type=kind) for name, kind in typed.items()}
+    player = Node(
+        package='motion_detect_ros', executable='bag_player', name='bag_player', output='screen',
+        namespace=LaunchConfiguration('namespace'), parameters=[parameters],
+        on_exit=Shutdown(reason='the bag is over'))
+    return LaunchDescription([
+        *(DeclareLaunchArgument(name, default_value=default, description=text) for name, default, text in OWN),
+        detector,
+        player,
+    ])

@@ -1,0 +1,50 @@
+"""``replay --live``: a bag through the real nodes over DDS instead of in this process."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import motion_detect_ros
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.sources.bags import BagReader, is_bag
+from motion_detect_ros.tools.live import LiveGraph, Playback, spread
+from motion_detect_ros.tools.outputs import SUMMARY_NAME, ReplayOutputs
+
+IMAGE_TYPES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
+
+
+def replay_live(bag: Path, folder: Path, preset: str, rate: float) -> tuple[int, str]:
+    """Plays ``bag`` at ``rate`` times its speed; returns how many images got no answer, and a line for the user.
+
+    Writes the same detections.csv and detections.mcap as the replay in process; summary.json holds counts and
+    latencies from image to detections. Raises: SourceError for an input that is no bag with images.
+    """
+    if not is_bag(bag):
+        raise SourceError(f'{bag}: --live expects a bag; make one with the convert command')
+    with BagReader(bag) as reader:
+        images = sum(topic.count for topic in reader.topics if topic.msgtype in IMAGE_TYPES)
+    if not images:
+        raise SourceError(f'{bag}: expected images, found none')
+    with LiveGraph(preset) as graph:
+        playback = graph.play(bag.resolve(), images, rate)
+    folder.mkdir(parents=True, exist_ok=True)
+    with ReplayOutputs(folder) as outputs:
+        for frame, message in enumerate(playback.received):
+            outputs.write(frame, message.stamp_ns, message.records)
+    _write_summary(folder, bag, images, playback)
+    unanswered = images - len(playback.received)
+    median, p95, _ = spread([message.latency_ms for message in playback.received])
+    return unanswered, (f'{folder}: {images} images, {len(playback.received)} answers, latency {median:.0f} ms median, '
+                        f'{p95:.0f} ms p95')
+
+
+def _write_summary(folder: Path, bag: Path, images: int, playback: Playback) -> None:
+    median, p95, p99 = spread([message.latency_ms for message in playback.received])
+    detections = [message.records for message in playback.received]
+    summary = {
+        'input': str(bag), 'version': motion_detect_ros.__version__, 'live': True, 'frames': images,
+        'answered': len(playback.received), 'detections': sum(len(records) for records in detections),
+        'objects': len({int(number) for records in detections for number in records['id']}),
+        'latency_ms': {'p50': round(median, 3), 'p95': round(p95, 3), 'p99': round(p99, 3)}}
+    (folder / SUMMARY_NAME).write_text(json.dumps(summary, indent=2) + '\n', encoding='utf-8')
