@@ -22,6 +22,7 @@ os.environ.setdefault('OPENCV_LOG_LEVEL', 'SILENT')
 WRONG_USE, PARTIAL = 2, 3
 
 _TOOLS = {
+    'demo': 'the main job on a built-in flight, over real nodes',
     'convert': 'data set, image folder or video to a bag (MCAP)',
     'replay': 'recordings through the detector, offline',
     'evaluate': 'detections against ground truth',
@@ -29,7 +30,6 @@ _TOOLS = {
 }
 #: Commands that read their own command line.
 _PROGRAMS = {
-    'demo': 'the main job on a built-in flight, over real nodes',
     'bench': 'time per stage and transport',
 }
 
