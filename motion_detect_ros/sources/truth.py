@@ -25,7 +25,8 @@ _RowParser = Callable[[list[str]], _Row]
 @dataclass(frozen=True)
 class Truth:
     """``boxes``: ``TRUTH_DTYPE``; ``form``: the format read; ``says_what_moves``: False where the labels do not
-    tell moving from standing objects, so that every object has ``moving`` = 1."""
+    tell moving from standing objects, so that every object has ``moving`` = 1.
+    """
 
     boxes: RecordArray
     form: str

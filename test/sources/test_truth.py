@@ -80,7 +80,8 @@ def test_real_annotations(clips: Path) -> None:
     # grep -c '^1,' and grep -c '^464,' of the file; its last frame is 464
     assert np.sum(truth.boxes['frame'] == 0) == 36
     assert truth.boxes['frame'].max() == 463
-    assert set(truth_of_sequence(truth.boxes, visdrone_sequence(folder / 'sequences' / name))['frame']) == set(range(12))
+    sequence = visdrone_sequence(folder / 'sequences' / name)
+    assert set(truth_of_sequence(truth.boxes, sequence)['frame']) == set(range(12))
     kitti = load_truth(clips / 'kitti/label_02/0000.txt')
     van = kitti.boxes[(kitti.boxes['frame'] == 0) & (kitti.boxes['id'] == 0)][0]
     assert (van['x'], van['y']) == (296.744956, 161.752147)
