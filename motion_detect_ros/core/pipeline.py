@@ -60,10 +60,11 @@ class MotionPipeline:
 
 
 def warm_up(config: PipelineConfig) -> None:
-    """Compile (or load from the cache) every kernel, on a scratch pipeline, so that no real frame has to wait."""
+    """Compile (or load from the cache) every kernel and touch the memory, so that no real frame has to wait."""
     pipeline = MotionPipeline(config)
+    width = config.preprocessing.max_width_px
     random = np.random.default_rng(0)
-    ground = random.integers(0, 255, (160, 200), np.uint8)
+    ground = random.integers(0, 255, (width * 9 // 16, width), np.uint8)
     thing = random.integers(0, 255, (40, 40), np.uint8)
     for index in range(config.tracks.confirm_hits + 2):
         image = ground.copy()

@@ -34,6 +34,8 @@ VIDEO, SHEET = 'demo.mp4', 'contact_sheet.png'
 MIN_FRAMES = 20
 #: Images come at this share of what one process can do: four processes share the same cores with the transport.
 LOAD_SHARE = 0.5
+#: A recording may wait: a second in which something else has the processors must not cost images.
+QUEUE_SIZE = 30
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -107,7 +109,7 @@ def run_live(bag: Path, stamps_ns: tuple[int, ...], preset: str, rate: float) ->
         raise BackendError(
             f'{error.name} is missing: install ROS 2 Jazzy or the extra "ros", or use --offline') from None
     start = perf_counter()
-    with LiveGraph(preset) as graph:
+    with LiveGraph(preset, parameters=(f'queue_size:={QUEUE_SIZE}',)) as graph:
         print(f'nodes up after {perf_counter() - start:.0f} s, playing', file=sys.stderr)
         playback = graph.play(bag, len(stamps_ns), rate)
     frame_of = {stamp: index for index, stamp in enumerate(stamps_ns)}

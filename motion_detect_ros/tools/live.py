@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -143,6 +144,8 @@ class LiveGraph:
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)
         self.exit_codes = {node: _end(process) for node, process in self._processes.items()}
+        if not any(self.exit_codes.values()):  # what a failed node has printed stays to be read
+            shutil.rmtree(self._log, ignore_errors=True)
 
 
 def _params_file(preset: str) -> Path:
