@@ -56,6 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise SourceError(f'--frames: expected {MIN_FRAMES} or more, got {arguments.frames}')
     if arguments.rate is not None and not arguments.rate > 0:
         raise SourceError(f'--rate: expected a number over 0, got {arguments.rate:g}')
+    load_preset(arguments.preset)  # a wrong name is said at once, not when the flight is drawn
     config = FlightConfig(frames=arguments.frames, seed=arguments.seed)
     folder: Path = arguments.output
     truth = record_flight(config, folder)
@@ -69,9 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     _print_report(config, truth, answers, None if arguments.offline else offline, rate)
     for name in (FLIGHT_BAG, TRUTH_CSV, DETECTIONS_BAG, DETECTIONS_CSV, VIDEO, SHEET):
         print(folder / name)
-    if not answers.records:
-        return NOTHING
-    return PARTIAL if answers.unanswered else OK
+    return exit_code(answers)
 
 
 def record_flight(config: FlightConfig, folder: Path) -> RecordArray:
@@ -121,6 +120,13 @@ def run_live(bag: Path, stamps_ns: tuple[int, ...], preset: str, rate: float) ->
 def real_time_factor(run: Run, fps: float) -> float:
     """How many times faster than ``fps`` images a second the stages of ``run`` were, by the median image."""
     return 1e3 / (fps * float(np.median(run.times_ms)))
+
+
+def exit_code(run: Run) -> int:
+    """0 only where every image got an answer."""
+    if not run.records:
+        return NOTHING
+    return PARTIAL if run.unanswered else OK
 
 
 def write_detections(folder: Path, run: Run) -> None:

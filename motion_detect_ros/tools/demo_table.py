@@ -23,7 +23,7 @@ class Run:
 
     stamps_ns: of the images, in order. records: ``DETECTION_DTYPE`` by frame index, an entry for every image that
     got an answer. messages: detections messages received. times_ms: per answered image, from image to detections
-    (live) or compute time (in process).
+    (live, NaN where unknown) or compute time (in process).
     """
 
     stamps_ns: tuple[int, ...]
@@ -81,13 +81,14 @@ def largest_difference(a: Run, b: Run) -> float:
 
 def table(truth: RecordArray, run: Run, offline: Run | None = None) -> Iterator[str]:
     """The lines of the table. offline: the same images in one process, None where ``run`` is that already."""
-    times, clock = Percentiles.of(list(run.times_ms)), 'image to detections' if offline else 'compute time a frame'
+    known = [time for time in run.times_ms if np.isfinite(time)]
+    times, clock = Percentiles.of(known), 'image to detections' if offline else 'compute time a frame'
     objects = {int(ident) for records in run.records.values() for ident in records['id']}
     yield f'  {"images in":<28}{len(run.stamps_ns)}'
     yield f'  {"detections messages out":<28}{run.messages}'
     yield f'  {"images dropped":<28}{run.unanswered}'
     yield f'  {"boxes, objects":<28}{sum(map(len, run.records.values()))}, {len(objects)}'
-    yield f'  {clock:<28}p50 {times.p50:.1f} ms, p95 {times.p95:.1f} ms'
+    yield f'  {clock:<28}p50 {times.p50:.1f} ms, p95 {times.p95:.1f} ms, {len(known)} images'
     if offline is not None:
         alone = Percentiles.of(list(offline.times_ms))
         yield f'  {"the same in one process":<28}p50 {alone.p50:.1f} ms, p95 {alone.p95:.1f} ms'
