@@ -6,6 +6,7 @@ Exit code 0 where every image got a detections message, 3 where some did not, 1 
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import sys
 from pathlib import Path
 from time import perf_counter
@@ -56,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise SourceError(f'--frames: expected {MIN_FRAMES} or more, got {arguments.frames}')
     if arguments.rate is not None and not arguments.rate > 0:
         raise SourceError(f'--rate: expected a number over 0, got {arguments.rate:g}')
-    load_preset(arguments.preset)  # a wrong name is said at once, not when the flight is drawn
+    _check_needs(arguments.preset, arguments.offline)
     config = FlightConfig(frames=arguments.frames, seed=arguments.seed)
     folder: Path = arguments.output
     truth = record_flight(config, folder)
@@ -71,6 +72,13 @@ def run(arguments: argparse.Namespace) -> int:
     for name in (FLIGHT_BAG, TRUTH_CSV, DETECTIONS_BAG, DETECTIONS_CSV, VIDEO, SHEET):
         print(folder / name)
     return exit_code(answers)
+
+
+def _check_needs(preset: str, offline: bool) -> None:
+    """What would fail late is said at once. Raises: ConfigError, BackendError."""
+    load_preset(preset)
+    if not offline and importlib.util.find_spec('rclpy') is None:
+        raise BackendError('rclpy is missing: install ROS 2 Jazzy or the extra "ros", or use --offline')
 
 
 def record_flight(config: FlightConfig, folder: Path) -> RecordArray:
@@ -100,13 +108,9 @@ def run_in_process(bag: Path, preset: str) -> Run:
 def run_live(bag: Path, stamps_ns: tuple[int, ...], preset: str, rate: float) -> Run:
     """Every image of the bag through the nodes, each a process of its own; times from image to detections.
 
-    Raises: BackendError where ROS is missing, SourceError where a node does not come up.
+    Raises: SourceError where a node does not come up.
     """
-    try:
-        from motion_detect_ros.tools.live import LiveGraph
-    except ModuleNotFoundError as error:
-        raise BackendError(
-            f'{error.name} is missing: install ROS 2 Jazzy or the extra "ros", or use --offline') from None
+    from motion_detect_ros.tools.live import LiveGraph
     start = perf_counter()
     with LiveGraph(preset, parameters=(f'queue_size:={QUEUE_SIZE}',)) as graph:
         print(f'nodes up after {perf_counter() - start:.0f} s, playing', file=sys.stderr)

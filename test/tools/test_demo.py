@@ -155,3 +155,14 @@ def test_live_over_dds(tmp_path: Path) -> None:
     assert 'largest difference to it 0 px' in words
     check_files(tmp_path)
 
+
+
+def test_without_ros_says_what_to_install(tmp_path: Path) -> None:
+    """A Python that sees only what is not ROS: the site folder is searched, rclpy hidden from it."""
+    code = ('import sys, importlib.util as util; find = util.find_spec\n'
+            'util.find_spec = lambda name, *rest: None if name == "rclpy" else find(name, *rest)\n'
+            'from motion_detect_ros.__main__ import main; sys.exit(main(["demo", "-o", sys.argv[1]]))')
+    done = subprocess.run([sys.executable, '-c', code, str(tmp_path)], capture_output=True, text=True, timeout=60,
+                          check=False)
+    assert (done.returncode, done.stderr) == (
+        2, 'error: rclpy is missing: install ROS 2 Jazzy or the extra "ros", or use --offline\n')
