@@ -111,18 +111,24 @@ def similarity(sx, sy, tx, ty):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _compete(vectors, prototypes, vigilance, labels, match):  # type: ignore[no-untyped-def]
-    """F2: background first, then the best of the others; returns how many labels changed."""
+    """F2: background first, then the best of the others; returns how many labels changed.
+
+    ``match`` becomes the best match with any neuron, whoever wins: novelty must not depend on the vigilance.
+    """
     changed = 0
     for i in range(vectors.shape[0]):
         sx, sy = vectors[i, 0], vectors[i, 1]
         best, best_match = -1, np.float32(0.0)
         if np.isfinite(sx) and np.isfinite(sy):
             best, best_match = 0, similarity(sx, sy, prototypes[0, 0], prototypes[0, 1])
-            if best_match < vigilance:
+            resonates = best_match >= vigilance
+            if not resonates or best_match < CLEARLY_MOVING:
                 for j in range(1, prototypes.shape[0]):
                     m = similarity(sx, sy, prototypes[j, 0], prototypes[j, 1])
                     if m > best_match:
-                        best, best_match = j, m
+                        best_match = m
+                        if not resonates:
+                            best = j
         if labels[i] != best:
             changed += 1
         labels[i], match[i] = best, best_match
@@ -135,10 +141,12 @@ def _compete_new(vectors, prototypes, vigilance, labels, match):  # type: ignore
     new = prototypes.shape[0] - 1
     tx, ty = prototypes[new, 0], prototypes[new, 1]
     for i in range(vectors.shape[0]):
-        if labels[i] >= 0 and not (labels[i] == 0 and match[i] >= vigilance):
+        if labels[i] >= 0:
             m = similarity(vectors[i, 0], vectors[i, 1], tx, ty)
             if m > match[i]:
-                labels[i], match[i] = new, m
+                match[i] = m
+                if similarity(vectors[i, 0], vectors[i, 1], 0.0, 0.0) < vigilance:
+                    labels[i] = new
 
 
 @numba.njit(cache=True, nogil=True)

@@ -16,6 +16,7 @@ from motion_detect_ros.core.features import even_corners
 from motion_detect_ros.core.kalman import ParameterKalman
 from motion_detect_ros.core.types import (
     NANOSECONDS,
+    ByteArray,
     CameraModel,
     DoubleArray,
     EgoMotion,
@@ -24,10 +25,13 @@ from motion_detect_ros.core.types import (
     MotionModel,
     PreparedFrame,
 )
+from motion_detect_ros.core.warp import apply, at_scale, inverse, stabilise
 
 #: Corners that must be tracked, and that must agree, before an estimate is believed.
 MIN_TRACKS = 12
 MIN_INLIERS = 10
+#: Change of the linear part from which a patch of the size of the tracking window is visibly deformed.
+DEFORMED = 0.02
 #: Determinant of the linear part outside which a frame-to-frame affine is not a camera motion.
 DETERMINANT_RANGE = (0.5, 2.0)
 
@@ -55,7 +59,7 @@ class EgoMotionStage:
         if previous is None or status != EgoStatus.OK:
             self._filter.reset()
             return no_estimate(status, frame.stamp_ns, frame.stamp_ns)
-        points, moved = self._tracks(previous, frame)
+        points, moved = self._tracks(previous.gray, frame.gray, frame.scale)
         return self._estimate(points / frame.scale, moved / frame.scale, previous, frame)
 
     def _continuity(self, previous: PreparedFrame | None, frame: PreparedFrame) -> EgoStatus:
@@ -66,18 +70,18 @@ class EgoMotionStage:
         dt_s = (frame.stamp_ns - previous.stamp_ns) / NANOSECONDS
         return EgoStatus.OK if 0.0 < dt_s <= self._config.max_gap_s else EgoStatus.TIME_JUMP
 
-    def _tracks(self, previous: PreparedFrame, frame: PreparedFrame) -> tuple[FloatArray, FloatArray]:
-        """Corner positions in both frames, working-resolution pixels, that survive a forward-backward check."""
+    def _tracks(self, previous: ByteArray, current: ByteArray, scale: float) -> tuple[FloatArray, FloatArray]:
+        """Corner positions in both images, working-resolution pixels, that survive a forward-backward check."""
         config = self._config
-        ignore = round(self._ignore_top_px * frame.scale)
-        points = even_corners(previous.gray, config.max_corners, config.corner_quality, ignore)
+        ignore = round(self._ignore_top_px * scale)
+        points = even_corners(previous, config.max_corners, config.corner_quality, ignore)
         if not len(points):
             return points, points
         window = (config.lk_window_px, config.lk_window_px)
         moved, found, _ = cv2.calcOpticalFlowPyrLK(
-            previous.gray, frame.gray, points, None, winSize=window, maxLevel=config.pyramid_levels)
+            previous, current, points, None, winSize=window, maxLevel=config.pyramid_levels)
         back, found_back, _ = cv2.calcOpticalFlowPyrLK(
-            frame.gray, previous.gray, moved, None, winSize=window, maxLevel=config.pyramid_levels)
+            current, previous, moved, None, winSize=window, maxLevel=config.pyramid_levels)
         good = (found.ravel() > 0) & (found_back.ravel() > 0) & np.isfinite(moved).all(axis=1)
         good &= np.hypot(*(back - points).T) < config.forward_backward_px
         return points[good], moved[good]
@@ -89,6 +93,8 @@ class EgoMotionStage:
             self._filter.reset()
             return no_estimate(EgoStatus.LOW_TEXTURE, frame.stamp_ns, previous.stamp_ns, len(points))
         fit = self._fit(points, moved)
+        if fit is not None and np.abs(affine_matrix(fit.params)[:2, :2] - np.eye(2)).max() > DEFORMED:
+            fit = self._refined(fit, previous, frame) or fit
         if fit is None:
             self._filter.reset()
             return no_estimate(EgoStatus.DEGENERATE, frame.stamp_ns, previous.stamp_ns, len(points))
@@ -111,6 +117,16 @@ class EgoMotionStage:
         low, high = DETERMINANT_RANGE
         determinant = float(np.linalg.det(affine_matrix(fit.params)))
         return fit if fit.inliers.sum() >= MIN_INLIERS and low < determinant < high else None
+
+
+    def _refined(self, fit: AffineFit, previous: PreparedFrame, frame: PreparedFrame) -> AffineFit | None:
+        """Tracks again on the previous frame warped by the first estimate: turned and scaled patches match badly."""
+        warped = stabilise(previous.gray, at_scale(affine_matrix(fit.params), frame.scale))
+        points, moved = self._tracks(warped, frame.gray, frame.scale)
+        if len(points) < MIN_TRACKS:
+            return None
+        origin = apply(inverse(affine_matrix(fit.params)), points / np.float32(frame.scale))
+        return self._fit(origin, moved / frame.scale)
 
 
 def no_estimate(status: EgoStatus, stamp_ns: int, prev_stamp_ns: int, tracks: int = 0) -> EgoMotion:

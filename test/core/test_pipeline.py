@@ -1,0 +1,231 @@
+"""The whole detector, and flow and evidence, on rendered scenes with exact truth."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from motion_detect_ros.core.boxes import Box, bounding_patch
+from motion_detect_ros.core.config import PipelineConfig, PreprocessingConfig, settings, with_settings
+from motion_detect_ros.core.ego_motion import no_estimate
+from motion_detect_ros.core.errors import ConfigError, FrameError
+from motion_detect_ros.core.evidence import ImagePair, support
+from motion_detect_ros.core.optical_flow import OpticalFlowStage, total_to_residual
+from motion_detect_ros.core.pipeline import MotionPipeline
+from motion_detect_ros.core.preprocessing import Preprocessor
+from motion_detect_ros.core.types import EgoMotion, EgoStatus
+
+PERIOD_NS = 40_000_000
+SIDE, SPEED, PAN = 48, 4, 3
+
+
+def texture(seed: int, height: int, width: int, sigma: float = 1.5) -> np.ndarray:
+    noise = cv2.GaussianBlur(np.random.default_rng(seed).normal(size=(height, width)), (0, 0), sigma)
+    return cv2.normalize(noise, None, 20, 235, cv2.NORM_MINMAX).astype(np.uint8)
+
+
+GROUND, THING = texture(1, 360, 800), texture(2, SIDE, SIDE)
+
+
+def scene(index: int, thing: bool = True) -> np.ndarray:
+    """The camera pans 3 px a frame, a textured square crosses the picture at 4 px a frame."""
+    picture = GROUND[:, PAN * index:PAN * index + 480].copy()
+    if thing:
+        left, top = box_of(index)
+        picture[top:top + SIDE, left:left + SIDE] = THING
+    return picture
+
+
+def box_of(index: int) -> tuple[int, int]:
+    return 60 + SPEED * index, 150
+
+
+def run(frames, config=None):
+    pipeline = MotionPipeline(config)
+    return [pipeline.process(image, (index + 1) * PERIOD_NS) for index, image in enumerate(frames)]
+
+
+def iou(record, index: int) -> float:
+    left, top = box_of(index)
+    x0, y0 = record['u'] - record['width'] / 2 + 0.0, record['v'] - record['height'] / 2
+    w = min(x0 + record['width'], left + SIDE) - max(x0, left)
+    h = min(y0 + record['height'], top + SIDE) - max(y0, top)
+    inter = max(w, 0) * max(h, 0)
+    return inter / (record['width'] * record['height'] + SIDE * SIDE - inter)
+
+
+def test_the_mover_is_found_and_nothing_else():
+    results = run([scene(index) for index in range(30)])
+    late = results[8:]
+    assert [len(result.detections) for result in late] == [1] * len(late)
+    overlaps = [iou(result.detections[0], index) for index, result in enumerate(results) if index >= 8]
+    assert np.mean(np.array(overlaps) >= 0.5) >= 0.95
+    velocity = late[-1].detections[0]
+    # 4 px a frame in the picture while the ground goes 3 px the other way: 7 px in 0.04 s
+    assert velocity['vel_u'] == pytest.approx(175.0, rel=0.1)
+    assert abs(velocity['vel_v']) < 10.0
+
+
+def test_a_still_world_gives_nothing():
+    assert sum(len(result.detections) for result in run([scene(index, False) for index in range(25)])) == 0
+
+
+def test_a_refused_frame_leaves_no_trace():
+    frames = [scene(index) for index in range(15)]
+    clean = run(frames)
+    pipeline, after = MotionPipeline(), []
+    for index, image in enumerate(frames):
+        if index == 7:
+            with pytest.raises(FrameError, match='expected a uint8 array, got float64'):
+                pipeline.process(image.astype(float), (index + 1) * PERIOD_NS)
+        after.append(pipeline.process(image, (index + 1) * PERIOD_NS))
+    assert [r.detections.tobytes() for r in after] == [r.detections.tobytes() for r in clean]
+
+
+def test_same_frames_same_bytes_with_any_number_of_threads():
+    frames = [scene(index) for index in range(12)]
+    before, answers = cv2.getNumThreads(), []
+    try:
+        for threads in (1, 2):
+            cv2.setNumThreads(threads)
+            answers.append([(r.detections.tobytes(), r.flow.flow.tobytes(), r.ego.matrix.tobytes())
+                            for r in run(frames)])
+    finally:
+        cv2.setNumThreads(before)
+    assert answers[0] == answers[1]
+
+
+def test_reset_starts_anew_but_ids_go_on():
+    pipeline = MotionPipeline()
+    first = [pipeline.process(scene(index), (index + 1) * PERIOD_NS) for index in range(12)]
+    pipeline.reset()
+    second = [pipeline.process(scene(index), (index + 1) * PERIOD_NS) for index in range(12)]
+    assert second[0].ego.status == EgoStatus.FIRST_FRAME
+    ids = [{int(number) for r in results for number in r.detections['id']} for results in (first, second)]
+    assert ids[0] and ids[1] and not ids[0] & ids[1]
+
+
+def test_input_is_not_changed():
+    image = cv2.cvtColor(scene(3), cv2.COLOR_GRAY2BGR)
+    copy = image.copy()
+    MotionPipeline().process(image, PERIOD_NS)
+    np.testing.assert_array_equal(image, copy)
+
+
+class TestFlow:
+    def between(self, matrix: np.ndarray, current: np.ndarray, earlier: np.ndarray):
+        config = PipelineConfig()
+        stage, prepare = OpticalFlowStage(config), Preprocessor(config.preprocessing)
+        stage.process(prepare.process(earlier, PERIOD_NS), no_estimate(EgoStatus.FIRST_FRAME, PERIOD_NS, PERIOD_NS))
+        ego = EgoMotion(matrix, np.eye(6), EgoStatus.OK, 2 * PERIOD_NS, PERIOD_NS)
+        return stage.process(prepare.process(current, 2 * PERIOD_NS), ego).flow
+
+    def test_total_displacement_points_from_earlier_to_later(self):
+        pan = np.array([[1, 0, -PAN], [0, 1, 0], [0, 0, 1]], float)
+        thing = texture(7, 120, 120, sigma=4.0)
+        pair = []
+        for index in (0, 1):
+            picture = GROUND[:, PAN * index:PAN * index + 480].copy()
+            picture[100:220, 100 + SPEED * index:220 + SPEED * index] = thing
+            pair.append(picture)
+        flow = self.between(pan, pair[1], pair[0])
+        inside = flow[33:47, 33:47]
+        np.testing.assert_allclose(np.nanmedian(inside, axis=(0, 1)), [SPEED, 0], atol=0.15)
+        np.testing.assert_allclose(np.nanmedian(flow[:20], axis=(0, 1)), [-PAN, 0], atol=0.05)
+
+    def test_what_enters_the_picture_has_no_flow(self):
+        pan = np.array([[1, 0, -40], [0, 1, 0], [0, 0, 1]], float)
+        flow = self.between(pan, GROUND[:, 40:520], GROUND[:, :480])
+        assert np.isnan(flow[:, -9:]).all()
+        assert np.isfinite(flow[:, 5:-15]).mean() > 0.97
+
+    def test_residual_of_a_known_flow(self):
+        matrix = np.array([[1.02, 0, -5], [0, 1.02, 3], [0, 0, 1]])
+        rows, columns, width, height = 5, 8, 80, 50
+        x = (np.arange(columns) + 0.5) * 10 - 0.5
+        y = (np.arange(rows) + 0.5) * 10 - 0.5
+        later = np.stack(np.meshgrid(x, y), axis=-1)
+        # the point was at p before; the background took p to M p; the object went (7, -2) further
+        moved_by = np.array([7.0, -2.0])
+        before = (later - moved_by - matrix[:2, 2]) / 1.02
+        residual = total_to_residual((later - before).astype(np.float32), matrix, width, height)
+        np.testing.assert_allclose(residual, np.broadcast_to(moved_by, residual.shape), atol=1e-3)
+
+
+class TestEvidence:
+    NOISE = 2.0
+
+    def seen(self, ground: np.ndarray, shift_px: int = 10, shadow: bool = False):
+        """A textured square that moved right by ``shift_px`` over ground that stands still."""
+        pair = []
+        for left in (60, 60 + shift_px):
+            image = ground.copy()
+            image[40:40 + SIDE, left:left + SIDE] = THING
+            pair.append(image)
+        return support(ImagePair(pair[1], pair[0], np.eye(3)), Box(20, 10, 180, 120), np.zeros(2, np.float32),
+                       np.float32([shift_px, 0]), self.NOISE, 3.0)
+
+    @pytest.mark.parametrize('ground', [texture(5, 130, 200), np.full((130, 200), 120, np.uint8)],
+                             ids=['texture', 'plain'])
+    def test_support_is_the_object_and_not_its_ghost(self, ground):
+        box = bounding_patch(self.seen(ground).mask).box.moved(20, 10)
+        true = Box(70, 40, 70 + SIDE, 40 + SIDE)
+        inter = (min(box.right, true.right) - max(box.left, true.left)) * (
+            min(box.bottom, true.bottom) - max(box.top, true.top))
+        assert inter / (box.area + true.area - inter) >= 0.8, box
+
+    def test_no_support_where_nothing_moved(self):
+        image = texture(5, 130, 200)
+        found = support(ImagePair(image, image, np.eye(3)), Box(20, 10, 180, 120), np.zeros(2, np.float32),
+                        np.float32([6, 0]), self.NOISE, 3.0)
+        assert not found.mask.any()
+
+
+class TestSettings:
+    def test_every_setting_is_explained_and_has_a_range(self):
+        for name, _, metadata in settings(PipelineConfig()):
+            assert len(metadata['doc']) > 10, name
+            assert metadata['choices'] or (metadata['low'] is not None and metadata['high'] is not None), name
+
+    @pytest.mark.parametrize(('name', 'value', 'message'), [
+        ('art2.vigilance', 1.5, r'art2.vigilance: expected 0.0 to 1.0, got 1.5'),
+        ('art2.vigilance', 'high', r"art2.vigilance: expected float, got str 'high'"),
+        ('art2.max_neurons', 2.5, r'art2.max_neurons: expected int, got float 2.5'),
+        ('art2.max_neurons', True, r'art2.max_neurons: expected int, got bool True'),
+        ('ego_motion.smoothing', 'magic', r"ego_motion.smoothing: expected one of kalman, none, got 'magic'"),
+        ('art2.vigilanse', 0.5, r"unknown setting 'art2.vigilanse'; known: .*art2.vigilance"),
+        ('art2.vigilance', float('nan'), r'art2.vigilance: expected 0.0 to 1.0, got nan'),
+    ])
+    def test_wrong_settings_are_named(self, name, value, message):
+        with pytest.raises(ConfigError, match=message):
+            with_settings(PipelineConfig(), {name: value})
+
+    def test_whole_numbers_serve_as_floats(self):
+        assert with_settings(PipelineConfig(), {'art2.vigilance': 1}).art2.vigilance == 1.0
+
+
+class TestPreprocessing:
+    def test_grey_weights_and_scale(self):
+        image = np.zeros((200, 400, 3), np.uint8)
+        image[..., 1] = 100  # green alone: 0.587 of it (ITU-R BT.601)
+        frame = Preprocessor(PreprocessingConfig(max_width_px=200)).process(image, 7)
+        assert frame.gray.shape == (100, 200) and frame.scale == 0.5
+        assert (frame.width, frame.height, frame.stamp_ns) == (400, 200, 7)
+        assert abs(int(frame.gray[50, 50]) - 59) <= 1
+
+    def test_median_takes_single_pixels_away(self):
+        image = np.full((100, 100), 80, np.uint8)
+        image[50, 50] = 255
+        assert Preprocessor(PreprocessingConfig(median_kernel_px=3)).process(image, 0).gray[50, 50] == 80
+
+    @pytest.mark.parametrize(('image', 'message'), [
+        (np.zeros((100, 100), np.float32), 'expected a uint8 array, got float32'),
+        (np.zeros((100, 100, 4), np.uint8), r'expected shape \(H, W\) or \(H, W, 3\), got \(100, 100, 4\)'),
+        (np.zeros((0, 100), np.uint8), 'expected at least one pixel'),
+        (np.zeros((20, 100), np.uint8), 'expected at least 32 px a side at working resolution, got 100x20'),
+        ('picture', 'expected a uint8 array, got str'),
+    ])
+    def test_unusable_images_are_refused(self, image, message):
+        with pytest.raises(FrameError, match=message):
+            Preprocessor(PreprocessingConfig()).process(image, 0)
