@@ -19,6 +19,7 @@ ARGUMENTS = (
     ('camera', 'true', 'start the camera node; false: another driver publishes the images'),
     ('source', '0', 'what the camera node reads: number, file, folder or address'),
     ('image_topic', 'image_raw', 'topic of the images'),
+    ('camera_info_topic', 'camera_info', 'topic of the calibration'),
     ('image_reliability', 'reliable', 'reliable or best_effort, as the camera driver publishes'),
     ('overlay', 'true', 'start the overlay node'),
 )
@@ -33,10 +34,13 @@ def describe(context):
     common = {'autostart': value['autostart'] == 'true', 'use_sim_time': value['use_sim_time'] == 'true'}
     listening = {**common, 'image_reliability': value['image_reliability']}
 
+    topics = [('image_raw', value['image_topic']), ('image_raw/compressed', f'{value["image_topic"]}/compressed'),
+              ('camera_info', value['camera_info_topic'])]
+
     def node(name, parameters):
         return Node(
             package='motion_detect_ros', executable=name, name=name, namespace=value['namespace'], output='screen',
-            parameters=[file, parameters], remappings=[('image_raw', value['image_topic'])],
+            parameters=[file, parameters], remappings=topics,
             arguments=['--ros-args', '--log-level', value['log_level']],
             respawn=value['use_respawn'] == 'true', respawn_delay=2.0)
 

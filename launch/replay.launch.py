@@ -5,7 +5,7 @@ from pathlib import Path
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, Shutdown
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import LaunchConfiguration
+from launch.substitutions import LaunchConfiguration, PythonExpression
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
@@ -13,7 +13,7 @@ OWN = (
     ('bag', '', 'MCAP or db3 file'),
     ('rate', '1.0', 'speed against the recording'),
     ('loop', 'false', 'start again at the end'),
-    ('wait_for_subscribers', '1', 'subscribers of the images to wait for before the start'),
+    ('topics', '', 'topics to play, separated by commas; empty = all'),
 )
 
 
@@ -22,9 +22,11 @@ def generate_launch_description():
     detector = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(str(Path(__file__).with_name('motion_detect.launch.py'))),
         launch_arguments={'camera': 'false', 'use_sim_time': 'true'}.items())
-    typed = {'rate': float, 'loop': bool, 'wait_for_subscribers': int}
-    parameters = {'bag': ParameterValue(LaunchConfiguration('bag'), value_type=str)}
-    parameters |= {name: ParameterValue(LaunchConfiguration(name), value_type=kind) for name, kind in typed.items()}
+    # The stages take different times to warm up; a player that does not wait for all of them loses the first images.
+    stages = PythonExpression(["3 if '", LaunchConfiguration('mode'), "' == 'nodes' else 1"])
+    given = {'bag': str, 'rate': float, 'loop': bool, 'topics': str}
+    parameters = {name: ParameterValue(LaunchConfiguration(name), value_type=kind) for name, kind in given.items()}
+    parameters['wait_for_subscribers'] = ParameterValue(stages, value_type=int)
     player = Node(
         package='motion_detect_ros', executable='bag_player', name='bag_player', output='screen',
         namespace=LaunchConfiguration('namespace'), parameters=[parameters],

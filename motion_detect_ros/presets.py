@@ -16,8 +16,8 @@ from motion_detect_ros.core.errors import ConfigError
 PACKAGE = 'motion_detect_ros'
 #: Parameters of the nodes that are no settings of the perception core; a preset may hold them, offline skips them.
 NODE_PARAMETERS = frozenset({
-    'autostart', 'bag', 'fps', 'frame_id', 'image_reliability', 'image_topic', 'loop', 'queue_size', 'rate', 'source',
-    'use_sim_time', 'wait_for_subscribers',
+    'autostart', 'bag', 'compressed', 'every_nth', 'fps', 'frame_id', 'image_reliability', 'loop', 'of', 'queue_size',
+    'rate', 'realtime', 'source', 'take', 'topics', 'use_sim_time', 'wait_for_subscribers',
 })
 
 

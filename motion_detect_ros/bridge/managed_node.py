@@ -6,12 +6,14 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleNode, LifecyclePublisher, LifecycleState, TransitionCallbackReturn
+from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from motion_detect_ros.bridge.diagnostics import StageStats, to_diagnostics
 from motion_detect_ros.bridge.params import declare_simple
+from motion_detect_ros.bridge.qos import overridable
 from motion_detect_ros.core.errors import MotionDetectError, SourceError
 
 DIAGNOSTICS_PERIOD_S = 1.0
@@ -33,7 +35,9 @@ class ManagedNode(LifecycleNode):
         self.exit_code = 0
         self._failure = ''
         self._autostart = bool(declare_simple(self, 'autostart', True, 'configure and activate at start'))
-        self._entities: list[tuple[Any, Any]] = []
+        self._subscriptions_made: list[Any] = []
+        self._publishers_made: list[LifecyclePublisher] = []
+        self._configured = False
         self._reporter = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self.create_timer(DIAGNOSTICS_PERIOD_S, self._report)
         self.create_service(Trigger, '~/reset', self._on_reset)
@@ -72,7 +76,18 @@ class ManagedNode(LifecycleNode):
 
     def subscribe(self, *args: Any, **options: Any) -> None:
         """A subscription that lives until deactivation."""
-        self._entities.append((self.destroy_subscription, self.create_subscription(*args, **options)))
+        self._subscriptions_made.append(self.create_subscription(*args, **options))
+
+    def unsubscribe(self) -> None:
+        """End all subscriptions made by ``subscribe``."""
+        while self._subscriptions_made:
+            self.destroy_subscription(self._subscriptions_made.pop())
+
+    def advertise(self, kind: Any, name: str, quality: QoSProfile) -> LifecyclePublisher:
+        """A publisher, silent while inactive, that lives until clean-up."""
+        publisher = self.create_lifecycle_publisher(kind, name, quality, qos_overriding_options=overridable())
+        self._publishers_made.append(publisher)
+        return publisher
 
     def close(self) -> None:
         """End whatever runs; safe to call at any time."""
@@ -81,7 +96,8 @@ class ManagedNode(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle: inactive from now on."""
         result = self._attempt(self.open)
-        return super().on_configure(state) if result == TransitionCallbackReturn.SUCCESS else result
+        self._configured = result == TransitionCallbackReturn.SUCCESS
+        return super().on_configure(state) if self._configured else result
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle: working from now on."""
@@ -95,8 +111,11 @@ class ManagedNode(LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle: as if just made."""
-        self.reset()
-        return super().on_cleanup(state)
+        result = super().on_cleanup(state)
+        self._configured = False
+        while self._publishers_made:
+            self.destroy_lifecycle_publisher(self._publishers_made.pop())
+        return result
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle: over."""
@@ -107,16 +126,14 @@ class ManagedNode(LifecycleNode):
         try:
             action()
         except Exception as error:  # rclpy would swallow it
-            self._failure = str(error) if isinstance(error, MotionDetectError) else f'{type(error).__name__}: {error}'
+            self._failure = reason_of(error)
             self.get_logger().error(self._failure)
             self.stats.count_error(self._failure)
             return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS
 
     def _leave(self) -> None:
-        while self._entities:
-            destroy, entity = self._entities.pop()
-            destroy(entity)
+        self.unsubscribe()
         self.end()
 
     def _report(self) -> None:
@@ -125,6 +142,13 @@ class ManagedNode(LifecycleNode):
         self._reporter.publish(to_diagnostics(name, self.get_name(), summary, stamp, self.extra_diagnostics()))
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self.reset()
-        response.success, response.message = True, 'history cleared'
+        if self._configured:
+            self.reset()
+        response.success = self._configured
+        response.message = 'history cleared' if self._configured else 'expected a configured node, nothing to clear'
         return response
+
+
+def reason_of(error: Exception) -> str:
+    """What a user can do something with: our own messages as they are, others with the name of their class."""
+    return str(error) if isinstance(error, MotionDetectError) else f'{type(error).__name__}: {error}'

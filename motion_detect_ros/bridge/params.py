@@ -16,6 +16,7 @@ from rclpy.node import Node
 
 from motion_detect_ros.core.config import PipelineConfig, Scalar, settings, with_settings
 from motion_detect_ros.core.errors import ConfigError
+from motion_detect_ros.presets import NODE_PARAMETERS
 
 _REFUSED = (InvalidParameterException, InvalidParameterTypeException, InvalidParameterValueException,
             ParameterException)
@@ -58,6 +59,13 @@ def declare_simple(
     if choices and value not in choices:
         raise ConfigError(f'parameter {name}: expected one of {", ".join(choices)}, got {value!r}')
     return value
+
+
+def unknown_parameters(node: Node) -> tuple[str, ...]:
+    """Names given on the command line or in a parameter file that the node does not declare: misspelt, mostly."""
+    given = getattr(node, '_parameter_overrides', {})  # rclpy has no public way to ask
+    return tuple(name for name in sorted(given) if not node.has_parameter(name) and name not in NODE_PARAMETERS
+                 and not name.startswith('qos_overrides.'))
 
 
 def _description(metadata: Mapping[str, Any]) -> str:

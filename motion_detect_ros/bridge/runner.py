@@ -37,8 +37,12 @@ def run(make_node: Callable[[], ManagedNode]) -> int:
         return 0
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
-    except RuntimeError as error:
-        return 0 if node is not None and not rclpy.ok() else _complain(error)
+    except RuntimeError as error:  # rclpy: wrong --ros-args before there is a node, a broken context after a signal
+        if node is None:
+            return _complain(error)
+        if rclpy.ok():
+            raise
+        return 0
     finally:
         _finish(node)
 

@@ -14,8 +14,8 @@ from std_msgs.msg import Header
 
 from motion_detect_ros.bridge import transport
 from motion_detect_ros.bridge.images import stamp_ns
-from motion_detect_ros.bridge.managed_node import ManagedNode
-from motion_detect_ros.bridge.params import declare_config, declare_simple
+from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode, reason_of
+from motion_detect_ros.bridge.params import declare_config, declare_simple, unknown_parameters
 from motion_detect_ros.bridge.qos import image_qos, overridable
 from motion_detect_ros.bridge.sync import ExactJoin
 from motion_detect_ros.bridge.topics import CAMERA_INFO, COMPRESSED, IMAGE, Topic
@@ -50,6 +50,8 @@ class StageNode(ManagedNode):
         self._worker: Worker[tuple[Any, ...]] | None = None
         self._busy = threading.Lock()
         self._join_drops = 0
+        self._camera: CameraModel | None = None
+        self._camera_in_use: CameraModel | None = None
 
     def make_stage(self) -> None:
         """Make publishers and the stage. Overridden."""
@@ -63,7 +65,10 @@ class StageNode(ManagedNode):
 
     def open(self) -> None:
         """Warm kernels, publishers, stage."""
+        for name in unknown_parameters(self):
+            self.get_logger().warning(f'parameter {name} is unknown and has no effect')
         warm_up(self.config)
+        self._camera_in_use = None
         self.make_stage()
 
     def begin(self) -> None:
@@ -106,13 +111,15 @@ class StageNode(ManagedNode):
         start = time.perf_counter()
         try:
             with self._busy:
+                self._update_camera()
                 self.work(messages[0].header, *self._values(messages))
         except MotionDetectError as error:
             self.bad_input(error)
             return
         except Exception as error:  # a bug must not stop the stream: it costs the frame and is reported
-            self.get_logger().error(f'{type(error).__name__}: {error}', throttle_duration_sec=5.0)
-            self.stats.count_error(f'{type(error).__name__}: {error}')
+            if self.context.ok():
+                self.get_logger().error(reason_of(error), throttle_duration_sec=WARNING_PERIOD_S)
+                self.stats.count_error(reason_of(error))
             return
         latency_ms = 1e3 * (time.perf_counter() - start)
         age_ms = (self.now_ns() - stamp_ns(messages[0].header)) / 1e6
@@ -123,9 +130,13 @@ class StageNode(ManagedNode):
         return [decode(message) for decode, message in zip(decoders, messages, strict=True)]
 
     def _on_camera(self, msg: Any) -> None:
-        camera = CAMERA_INFO.from_msg(msg)
-        if camera is not None:
-            self.locked(lambda: self.use_camera(camera))
+        # Only noted here: the stage takes it before the next image, the executor must not wait for the stage.
+        self._camera = CAMERA_INFO.from_msg(msg) or self._camera
+
+    def _update_camera(self) -> None:
+        if self._camera is not None and self._camera != self._camera_in_use:
+            self._camera_in_use = self._camera
+            self.use_camera(self._camera)
 
     def _check_transport(self, msg: Any) -> None:
         if len(msg.data) > BIG_IMAGE_BYTES and not transport.profile_set():

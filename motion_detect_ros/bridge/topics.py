@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
@@ -22,7 +21,8 @@ from motion_detect_ros.bridge.images import (
     image_to_msg,
     stamp_of,
 )
-from motion_detect_ros.bridge.qos import image_qos, overridable, record_qos
+from motion_detect_ros.bridge.managed_node import ManagedNode
+from motion_detect_ros.bridge.qos import image_qos, record_qos
 from motion_detect_ros.bridge.records import detections_to_msg, ego_from_msg, ego_to_msg, read_detections
 from motion_detect_ros.core.types import NANOSECONDS, RecordArray
 
@@ -58,10 +58,9 @@ FLOW_COLORS = Topic('~/flow', Image, image_to_msg, image_from_msg, image_qos)
 class TopicPublisher:
     """Publishes values on a topic while the node is active."""
 
-    def __init__(self, node: LifecycleNode, topic: Topic) -> None:
+    def __init__(self, node: ManagedNode, topic: Topic) -> None:
         self._topic = topic
-        self._publisher = node.create_lifecycle_publisher(
-            topic.kind, topic.name, topic.qos(), qos_overriding_options=overridable())
+        self._publisher = node.advertise(topic.kind, topic.name, topic.qos())
 
     def publish(self, value: Any, header: Header | None = None) -> None:
         """value: what the topic's ``to_msg`` takes; header: of the image it belongs to."""
@@ -76,7 +75,7 @@ class TopicPublisher:
 class DetectionPublisher:
     """``detections``, and ``detections_2d`` (vision_msgs/Detection2DArray) where that package is installed."""
 
-    def __init__(self, node: LifecycleNode) -> None:
+    def __init__(self, node: ManagedNode) -> None:
         self._records = TopicPublisher(node, DETECTIONS)
         vision = _vision_messages()
         self._boxes = vision and TopicPublisher(node, Topic(

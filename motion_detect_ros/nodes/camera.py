@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import threading
 import time
 
 from motion_detect_ros.bridge.images import camera_to_msg, header_of
-from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode
+from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S
 from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.bridge.runner import main_of
-from motion_detect_ros.bridge.topics import CAMERA_INFO, IMAGE, TopicPublisher
-from motion_detect_ros.core.errors import MotionDetectError, SourceError
+from motion_detect_ros.bridge.source_node import SourceNode
+from motion_detect_ros.bridge.topics import CAMERA_INFO, COMPRESSED, IMAGE, TopicPublisher
+from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.sources.capture import Capture
 from motion_detect_ros.sources.frames import SourceFrame
 
@@ -18,7 +18,7 @@ from motion_detect_ros.sources.frames import SourceFrame
 READ_TIMEOUT_S = 0.2
 
 
-class CameraNode(ManagedNode):
+class CameraNode(SourceNode):
     """Publishes pictures as they come, the newest first to leave, and says when it falls behind."""
 
     def __init__(self) -> None:
@@ -32,27 +32,26 @@ class CameraNode(ManagedNode):
         self._of = int(declare_simple(self, 'of', 1, '... of every so many pictures', 1, 1000))
         self._queue_size = int(declare_simple(self, 'queue_size', 2, 'pictures that may wait', 1, 1000))
         self._realtime = bool(declare_simple(self, 'realtime', True, 'play files at their own pace, drop late ones'))
-        self._thread: threading.Thread | None = None
-        self._stopped = threading.Event()
-        self._capture = self._opened()
+        self._unused: Capture | None = self._opened()
+        self._capture = self._unused
 
     def open(self) -> None:
-        """Publishers."""
+        """Publishers; JPEG only while someone listens to it."""
         self._images = TopicPublisher(self, IMAGE)
+        self._jpegs = TopicPublisher(self, COMPRESSED)
         self._infos = TopicPublisher(self, CAMERA_INFO)
 
-    def begin(self) -> None:
-        """Capture in a thread."""
-        self._stopped.clear()
-        self._thread = threading.Thread(target=self._run, name='camera', daemon=True)
-        self._thread.start()
-
-    def end(self) -> None:
-        """Let go of the device."""
-        self._stopped.set()
-        if self._thread and self._thread is not threading.current_thread():
-            self._thread.join(5.0)
-            self._thread = None
+    def produce(self) -> None:
+        """Capture and publish; a device that was let go of is opened anew."""
+        capture = self._capture = self._unused or self._opened()
+        self._unused = None
+        with capture:
+            while not self.stopped.is_set():
+                frame = capture.read(READ_TIMEOUT_S)
+                if frame is not None:
+                    self._publish(frame)
+                elif capture.ended:
+                    return
 
     def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
         """Counts of the capture."""
@@ -62,21 +61,6 @@ class CameraNode(ManagedNode):
         return Capture(self._source, self._fps or None, self._every_nth, self._take, self._of, self._queue_size,
                        self._realtime)
 
-    def _run(self) -> None:
-        try:
-            with self._capture as capture:
-                while not self._stopped.is_set() and not capture.ended:
-                    frame = capture.read(READ_TIMEOUT_S)
-                    if frame is not None:
-                        self._publish(frame)
-        except SourceError as error:
-            self.get_logger().error(str(error))
-            self.exit_code = 2
-        if self._stopped.is_set():
-            self._capture = self._opened()
-        else:
-            self.finished.set_result(None)
-
     def _publish(self, frame: SourceFrame) -> None:
         start = time.perf_counter()
         self.stats.count_received(time.monotonic_ns())
@@ -85,6 +69,8 @@ class CameraNode(ManagedNode):
         try:
             self._infos.publish(camera_to_msg(self._capture.camera, width, height, header))
             self._images.publish(frame.image, header)
+            if self._jpegs.listeners:
+                self._jpegs.publish(frame.image, header)
         except MotionDetectError as error:
             self.bad_input(error)
         latency_ms = 1e3 * (time.perf_counter() - start)

@@ -39,13 +39,13 @@ class OverlayNode(ManagedNode):
         self._join = ExactJoin(('image', 'detections'), WAITING)
         self._watching: tuple[bool, bool] = (False, False)
         self._active = False
+        self.create_timer(LOOK_PERIOD_S, self._look)
 
     def open(self) -> None:
         """Publishers; ``~/overlay/compressed`` is JPEG."""
         self._overlay = TopicPublisher(self, OVERLAY)
         self._jpeg = TopicPublisher(self, OVERLAY_JPEG)
         self._colors = TopicPublisher(self, FLOW_COLORS)
-        self.create_timer(LOOK_PERIOD_S, self._look)
 
     def begin(self) -> None:
         """Work when someone looks."""
@@ -60,11 +60,13 @@ class OverlayNode(ManagedNode):
         self._join.clear()
 
     def _look(self) -> None:
-        wanted = (self._overlay.listeners + self._jpeg.listeners > 0, self._colors.listeners > 0)
-        if not self._active or wanted == self._watching:
+        if not self._active:
             return
-        self.close()
-        self._active, self._watching = True, wanted
+        wanted = (self._overlay.listeners + self._jpeg.listeners > 0, self._colors.listeners > 0)
+        if wanted == self._watching:
+            return
+        self.unsubscribe()
+        self._watching = wanted
         quality = image_qos(self._reliability)
         if wanted[0]:
             self.subscribe(IMAGE.kind, IMAGE.name, lambda msg: self._on_input('image', msg), quality)

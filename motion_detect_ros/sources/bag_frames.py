@@ -30,6 +30,7 @@ class BagFrames:
         self.path = Path(path)
         self.name = self.path.resolve().stem
         self.topic = _choose_topic(self.path, self._reader.topics, topic)
+        self.camera_topic = self._choose_camera_topic()
         self.camera = self._read_camera()
         self.bad_frames = 0
 
@@ -54,14 +55,16 @@ class BagFrames:
                 continue
             yield SourceFrame(index, image, stamp_ns)
 
-    def _read_camera(self) -> CameraModel | None:
-        """From the first CameraInfo beside the image topic, or from the only one in the bag."""
+    def _choose_camera_topic(self) -> str | None:
+        """The CameraInfo beside the image topic, or the only one in the bag."""
         infos = [topic.name for topic in self._reader.topics if topic.msgtype == messages.CAMERA_INFO and topic.count]
         beside = self.topic.name.removesuffix(_COMPRESSED).rpartition('/')[0] + '/camera_info'
         named = [name for name in infos if '/' + name.lstrip('/') == '/' + beside.lstrip('/')] or infos
-        if len(named) != 1:
-            return None
-        for message in self._reader.messages(named):
+        return named[0] if len(named) == 1 else None
+
+    def _read_camera(self) -> CameraModel | None:
+        """From the first readable message of ``camera_topic``."""
+        for message in self._reader.messages([self.camera_topic] if self.camera_topic else ()):
             try:
                 return messages.camera_model(messages.deserialize(message.data, messages.CAMERA_INFO))
             except MessageError:

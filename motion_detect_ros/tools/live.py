@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,8 @@ START_TIMEOUT_S = 120.0
 STOP_TIMEOUT_S = 10.0
 IDLE_TIMEOUT_S = 15.0
 POLL_S = 0.05
+#: What the nodes listen to.
+IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_TOPIC = 'image_raw', 'image_raw/compressed', 'camera_info'
 #: DDS domains that plain Linux port ranges allow.
 DOMAINS = range(1, 101)
 
@@ -51,18 +54,20 @@ def own_domain() -> int:
 class LiveGraph:
     """Starts ``nodes`` as processes of their own; use as a context manager. Stops them by process id.
 
-    preset: name or path of a parameter file, given to every node; parameters: further ``name:=value`` for every node.
+    preset: name or path of a parameter file, given to every node; parameters: further ``name:=value`` for every node;
+    compressed: the nodes listen to JPEG or PNG images.
     Raises: SourceError where a node ends or does not come up in time.
     """
 
     def __init__(
         self, preset: str = 'default', nodes: tuple[str, ...] = STAGES, domain_id: int | None = None,
-        parameters: tuple[str, ...] = (),
+        parameters: tuple[str, ...] = (), compressed: bool = False,
     ) -> None:
-        self._params = ['--params-file', str(_params_file(preset))]
+        self._params = ['--params-file', str(_params_file(preset)), '-p', f'compressed:={str(compressed).lower()}']
         for parameter in parameters:
             self._params += ['-p', parameter]
         self._nodes = nodes
+        self._image_topic = COMPRESSED_TOPIC if compressed else IMAGE_TOPIC
         self._domain_id = own_domain() if domain_id is None else domain_id
         self._log = Path(tempfile.mkdtemp(prefix='motion_detect_'))
         self._environment = {
@@ -80,7 +85,7 @@ class LiveGraph:
             self.planner = stack.enter_context(Planner(self._domain_id))
             for node in self._nodes:
                 self._processes[node] = self._spawn(node, self._params)
-            self._await(lambda: self.planner.subscribers_of('image_raw') >= len(self._nodes))
+            self._await(lambda: self.planner.subscribers_of(self._image_topic) >= len(self._nodes))
             self._await(lambda: self.planner.publishers_of('detections') >= 1)
             self._stack = stack.pop_all()
         return self
@@ -96,10 +101,19 @@ class LiveGraph:
         """What a node has printed so far."""
         return (self._log / f'{node}.txt').read_text(encoding='utf-8', errors='replace')
 
-    def play(self, bag: Path, images: int, rate: float = 1.0) -> Playback:
-        """Plays a bag of ``images`` images through the nodes and gives what the planner heard, sorted by stamp."""
+    def play(
+        self, bag: Path, images: int, rate: float = 1.0, topics: Mapping[str, str] | None = None,
+    ) -> Playback:
+        """Plays a bag of ``images`` images through the nodes and gives what the planner heard, sorted by stamp.
+
+        topics: what to play, and under which name; None = everything under its own.
+        """
         self.planner.clear()
         player = ['-p', f'bag:={bag}', '-p', f'rate:={float(rate)}', '-p', f'wait_for_subscribers:={len(self._nodes)}']
+        if topics:
+            player += ['-p', f'topics:={",".join(topics)}']
+        for recorded, played in (topics or {}).items():
+            player += ['-r', f'{recorded.lstrip("/")}:={played}']
         start = time.monotonic()
         process = self._spawn('bag_player', player)
         try:

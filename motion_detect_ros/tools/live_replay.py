@@ -7,27 +7,31 @@ from pathlib import Path
 
 import motion_detect_ros
 from motion_detect_ros.core.errors import SourceError
-from motion_detect_ros.sources.bags import BagReader, is_bag
-from motion_detect_ros.tools.live import LiveGraph, Playback, spread
+from motion_detect_ros.sources.bags import BagFrames, is_bag
+from motion_detect_ros.sources.messages import COMPRESSED_IMAGE
+from motion_detect_ros.tools.live import CAMERA_TOPIC, COMPRESSED_TOPIC, IMAGE_TOPIC, LiveGraph, Playback, spread
 from motion_detect_ros.tools.outputs import SUMMARY_NAME, ReplayOutputs
 
-IMAGE_TYPES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
 
-
-def replay_live(bag: Path, folder: Path, preset: str, rate: float) -> tuple[int, str]:
+def replay_live(
+    bag: Path, folder: Path, preset: str, rate: float, wanted: str | None = None,
+) -> tuple[int, str]:
     """Plays ``bag`` at ``rate`` times its speed; returns how many images got no answer, and a line for the user.
 
+    wanted: image topic of a bag that has several.
+
     Writes the same detections.csv and detections.mcap as the replay in process; summary.json holds counts and
-    latencies from image to detections. Raises: SourceError for an input that is no bag with images.
+    latencies from image to detections. Raises: SourceError for an input that is no bag, or none with such images.
     """
     if not is_bag(bag):
         raise SourceError(f'{bag}: --live expects a bag; make one with the convert command')
-    with BagReader(bag) as reader:
-        images = sum(topic.count for topic in reader.topics if topic.msgtype in IMAGE_TYPES)
-    if not images:
-        raise SourceError(f'{bag}: expected images, found none')
-    with LiveGraph(preset) as graph:
-        playback = graph.play(bag.resolve(), images, rate)
+    frames = BagFrames(bag, wanted)
+    compressed, images = frames.topic.msgtype == COMPRESSED_IMAGE, frames.frame_count
+    topics = {frames.topic.name: COMPRESSED_TOPIC if compressed else IMAGE_TOPIC}
+    if frames.camera_topic:
+        topics[frames.camera_topic] = CAMERA_TOPIC
+    with LiveGraph(preset, compressed=compressed) as graph:
+        playback = graph.play(bag.resolve(), images, rate, topics)
     folder.mkdir(parents=True, exist_ok=True)
     with ReplayOutputs(folder) as outputs:
         for frame, message in enumerate(playback.received):

@@ -86,7 +86,8 @@ def _run_live(arguments: argparse.Namespace) -> int:
         raise BackendError(f'--live: expected an installation of ROS 2, but {error.name} is missing') from None
     unanswered = 0
     for job in make_jobs(arguments, PipelineConfig()):
-        missing, line = replay_live(Path(job.path), job.folder, arguments.config or arguments.preset, arguments.rate)
+        missing, line = replay_live(
+            Path(job.path), job.folder, arguments.config or arguments.preset, arguments.rate, job.topic)
         unanswered += missing
         print(line)
     return PARTIAL if unanswered else OK

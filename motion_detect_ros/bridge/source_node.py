@@ -1,0 +1,51 @@
+"""Base of the nodes that make messages by themselves: a thread, and a process that ends when there is no more."""
+
+from __future__ import annotations
+
+import threading
+
+from motion_detect_ros.bridge.managed_node import ManagedNode, reason_of
+from motion_detect_ros.core.errors import MotionDetectError
+
+#: How long the last message gets to leave before the process ends, seconds.
+LINGER_S = 0.5
+#: How long a stopped thread gets, seconds.
+STOP_TIMEOUT_S = 5.0
+BROKEN, UNREADABLE = 1, 2
+
+
+class SourceNode(ManagedNode):
+    """Runs ``produce`` in a thread while active; ``stopped`` tells it to come back."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.stopped = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def produce(self) -> None:
+        """Publish until there is no more, or ``stopped`` is set. Overridden. Raises: SourceError."""
+        raise NotImplementedError
+
+    def begin(self) -> None:
+        """Start the thread."""
+        self.stopped.clear()
+        self._thread = threading.Thread(target=self._run, name=self.get_name(), daemon=True)
+        self._thread.start()
+
+    def end(self) -> None:
+        """Stop the thread; it may start again."""
+        self.stopped.set()
+        if self._thread:
+            self._thread.join(STOP_TIMEOUT_S)
+            self._thread = None
+
+    def _run(self) -> None:
+        try:
+            self.produce()
+            self.stopped.wait(LINGER_S)
+        except Exception as error:  # a dead thread would leave a process that does nothing
+            if self.context.ok():
+                self.get_logger().error(reason_of(error))
+                self.exit_code = UNREADABLE if isinstance(error, MotionDetectError) else BROKEN
+        if not self.stopped.is_set():
+            self.finished.set_result(None)
