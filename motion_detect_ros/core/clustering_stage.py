@@ -61,7 +61,7 @@ class ClusteringStage:
             self._tracker.skip()
             return empty_detections()
         candidates = self._candidates(frame, earlier, flow)
-        records = self._tracker.step(candidates, ego.matrix, ego.dt_s)
+        records = self._tracker.step(candidates, ego.matrix, ego.dt_s, frame.width, frame.height)
         return bearings(records, self.camera)
 
     def _candidates(self, frame: PreparedFrame, earlier: Earlier, flow: FlowField) -> list[Candidate]:

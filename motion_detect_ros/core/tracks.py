@@ -55,6 +55,16 @@ class Track:
     def _noise(size: DoubleArray) -> float:
         return max(MIN_CENTRE_PX, CENTRE_SHARE * float(np.sqrt(size[0] * size[1]))) ** 2
 
+    def inside(self, width: int, height: int) -> bool:
+        """Whether the centre is on an image of ``width`` x ``height`` pixels."""
+        return bool(0.0 <= self.state[0] <= width - 1 and 0.0 <= self.state[1] <= height - 1)
+
+    def visible(self, width: int, height: int) -> tuple[DoubleArray, DoubleArray]:
+        """Centre and size of the part of the box that is on the image, (2,) each; edges at pixel borders."""
+        low = np.maximum(self.state[:2] - self.size / 2.0, 0.0)
+        high = np.minimum(self.state[:2] + self.size / 2.0, [width, height])
+        return (low + high) / 2.0, high - low
+
     def predict(self, matrix: DoubleArray, dt_s: float) -> None:
         """Carry the state into the next frame: ego-motion of the position, then own velocity."""
         x, y, vx, vy = self.state
@@ -97,8 +107,14 @@ class Tracker:
         """Forget all tracks; ids go on counting."""
         self._tracks.clear()
 
-    def step(self, candidates: list[Candidate], matrix: DoubleArray, dt_s: float) -> RecordArray:
-        """One frame: predict, assign, update; returns the confirmed objects (``DETECTION_DTYPE``)."""
+    def step(
+        self, candidates: list[Candidate], matrix: DoubleArray, dt_s: float, width: int, height: int,
+    ) -> RecordArray:
+        """One frame of ``width`` x ``height`` pixels: predict, assign, update.
+
+        matrix: (3, 3) previous pixel -> current pixel. Returns the confirmed objects (``DETECTION_DTYPE``), boxes cut
+        to the image; a track whose centre has left the image is over.
+        """
         for track in self._tracks:
             track.predict(matrix, dt_s)
         pairs = self._assign(candidates)
@@ -115,8 +131,8 @@ class Tracker:
                 self._started += 1
                 self._tracks.append(Track(self._started, seen))
         self._confirm()
-        self._tracks = [track for track in self._tracks if self._alive(track)]
-        return self._report()
+        self._tracks = [track for track in self._tracks if self._alive(track) and track.inside(width, height)]
+        return self._report(width, height)
 
     def skip(self) -> None:
         """A frame without ego-motion: nobody knows where the objects went; every track misses once."""
@@ -152,12 +168,12 @@ class Tracker:
         misses = len(track.hits) - sum(track.hits)
         return misses <= self._config.confirm_frames - self._config.confirm_hits
 
-    def _report(self) -> RecordArray:
+    def _report(self, width: int, height: int) -> RecordArray:
         shown = [track for track in self._tracks if track.id]
         records = empty_detections(len(shown))
         for record, track in zip(records, shown, strict=True):
-            record['u'], record['v'], record['vel_u'], record['vel_v'] = track.state
-            record['width'], record['height'] = track.size
+            (record['u'], record['v']), (record['width'], record['height']) = track.visible(width, height)
+            record['vel_u'], record['vel_v'] = track.state[2:]
             record['var_u'], record['var_v'] = track.covariance[2, 2], track.covariance[3, 3]
             record['score'] = track.seen.score * 0.7 ** track.missed
             record['id'], record['age'], record['area'] = track.id, track.age, track.seen.area

@@ -18,12 +18,12 @@ def candidate(u: float, v: float, velocity=(0.0, 0.0), size=(30.0, 20.0)) -> Can
 
 def test_confirmed_after_enough_hits_and_never_by_flicker():
     tracker = Tracker(CONFIG)
-    counts = [len(tracker.step([candidate(100, 100)], np.eye(3), DT_S)) for _ in range(4)]
+    counts = [len(tracker.step([candidate(100, 100)], np.eye(3), DT_S, 640, 480)) for _ in range(4)]
     assert counts == [0, 0, 1, 1]
     tracker = Tracker(CONFIG)
     for index in range(20):  # seen every third frame: two hits in five
         seen = [candidate(100, 100)] if index % 3 == 0 else []
-        assert len(tracker.step(seen, np.eye(3), DT_S)) == 0
+        assert len(tracker.step(seen, np.eye(3), DT_S, 640, 480)) == 0
 
 
 def test_velocity_is_that_over_ground_however_the_camera_zooms_and_pans():
@@ -32,7 +32,7 @@ def test_velocity_is_that_over_ground_however_the_camera_zooms_and_pans():
     for _ in range(40):
         velocity = velocity * 1.01
         position = (zoom @ [*position, 1.0])[:2] + velocity * DT_S
-        records = tracker.step([candidate(*position, velocity)], zoom, DT_S)
+        records = tracker.step([candidate(*position, velocity)], zoom, DT_S, 640, 480)
     assert records['vel_u'][0] == pytest.approx(velocity[0], rel=0.02)
     assert records['vel_v'][0] == pytest.approx(velocity[1], rel=0.02)
     assert records['u'][0] == pytest.approx(position[0], abs=0.5)
@@ -43,7 +43,7 @@ def test_crossing_objects_keep_their_ids():
     tracker = Tracker(CONFIG)
     for index in range(30):
         a, b = candidate(100 + 6 * index, 100, (120, 0)), candidate(280 - 6 * index, 130, (-120, 0))
-        records = tracker.step([a, b] if index % 2 else [b, a], np.eye(3), DT_S)
+        records = tracker.step([a, b] if index % 2 else [b, a], np.eye(3), DT_S, 640, 480)
         by_id = {int(r['id']): r for r in records}
         if index == 5:
             right = next(number for number, r in by_id.items() if r['vel_u'] > 0)
@@ -53,18 +53,18 @@ def test_crossing_objects_keep_their_ids():
 def test_coasts_along_its_prediction_and_then_ends():
     tracker = Tracker(CONFIG)
     for index in range(10):
-        tracker.step([candidate(100 + 5 * index, 100, (100, 0))], np.eye(3), DT_S)
-    first = tracker.step([], np.eye(3), DT_S)
+        tracker.step([candidate(100 + 5 * index, 100, (100, 0))], np.eye(3), DT_S, 640, 480)
+    first = tracker.step([], np.eye(3), DT_S, 640, 480)
     assert first['u'][0] == pytest.approx(150, abs=1.0)
     assert first['score'][0] < 0.8
-    assert [len(tracker.step([], np.eye(3), DT_S)) for _ in range(3)] == [1, 0, 0]
+    assert [len(tracker.step([], np.eye(3), DT_S, 640, 480)) for _ in range(3)] == [1, 0, 0]
 
 
 def test_ids_are_never_used_twice():
     tracker, seen = Tracker(CONFIG), set()
     for _ in range(3):
         for _ in range(4):
-            records = tracker.step([candidate(50, 50)], np.eye(3), DT_S)
+            records = tracker.step([candidate(50, 50)], np.eye(3), DT_S, 640, 480)
         assert int(records['id'][0]) not in seen
         seen.add(int(records['id'][0]))
         tracker.reset()
@@ -73,9 +73,20 @@ def test_ids_are_never_used_twice():
 def test_frames_without_ego_motion_count_as_misses():
     tracker = Tracker(CONFIG)
     for _ in range(4):
-        tracker.step([candidate(50, 50)], np.eye(3), DT_S)
+        tracker.step([candidate(50, 50)], np.eye(3), DT_S, 640, 480)
     tracker.skip()
-    assert len(tracker.step([candidate(50, 50)], np.eye(3), DT_S)) == 1
+    assert len(tracker.step([candidate(50, 50)], np.eye(3), DT_S, 640, 480)) == 1
     for _ in range(CONFIG.coast_frames + 1):
         tracker.skip()
-    assert len(tracker.step([candidate(50, 50)], np.eye(3), DT_S)) == 0
+    assert len(tracker.step([candidate(50, 50)], np.eye(3), DT_S, 640, 480)) == 0
+
+
+def test_boxes_are_cut_at_the_border_and_end_outside():
+    tracker = Tracker(CONFIG)
+    for index in range(12):
+        records = tracker.step([candidate(570 + 5 * index, 100, (100, 0))], np.eye(3), DT_S, 640, 480)
+    # centre at 625, 30 px wide: 610 .. 640
+    assert records['u'][0] + records['width'][0] / 2 == pytest.approx(640.0, abs=1e-3)
+    assert records['u'][0] - records['width'][0] / 2 == pytest.approx(610.0, abs=2.0)
+    counts = [len(tracker.step([], np.array([[1, 0, 10.0], [0, 1, 0], [0, 0, 1]]), DT_S, 640, 480)) for _ in range(2)]
+    assert counts == [0, 0]

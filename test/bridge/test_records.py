@@ -1,0 +1,104 @@
+"""Records as PointCloud2: the published layout, and tolerance for other people's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header
+
+from motion_detect_ros.bridge.records import (
+    EGO_DTYPE,
+    detections_to_msg,
+    ego_from_msg,
+    ego_to_msg,
+    read_detections,
+    records_to_msg,
+)
+from motion_detect_ros.core.errors import MessageError
+from motion_detect_ros.core.types import DETECTION_DTYPE, EgoMotion, EgoStatus, MotionModel, empty_detections
+
+HEADER = Header(stamp=Time(sec=5, nanosec=6), frame_id='eye')
+F4, U4, F8, U1 = PointField.FLOAT32, PointField.UINT32, PointField.FLOAT64, PointField.UINT8
+
+
+def some_detections() -> np.ndarray:
+    records = empty_detections(3)
+    random = np.random.default_rng(0)
+    for name in DETECTION_DTYPE.names:
+        records[name] = random.integers(1, 1000, 3) if DETECTION_DTYPE[name].kind == 'u' else random.normal(size=3)
+    records['ttc'] = [np.inf, np.nan, 2.5]
+    return records
+
+
+def test_detection_fields_are_the_published_ones():
+    published = [
+        ('u', F4), ('v', F4), ('width', F4), ('height', F4), ('vel_u', F4), ('vel_v', F4), ('var_u', F4), ('var_v', F4),
+        ('score', F4), ('ttc', F4), ('bearing_x', F4), ('bearing_y', F4), ('bearing_z', F4), ('id', U4), ('age', U4),
+        ('area', F4), ('cluster', U4)]
+    msg = detections_to_msg(some_detections(), HEADER)
+    assert [(field.name, field.datatype) for field in msg.fields] == published
+    assert (msg.height, msg.width, msg.point_step, msg.row_step) == (1, 3, 68, 204)
+    assert not {'x', 'y', 'z'} & {field.name for field in msg.fields}
+
+
+def test_ego_fields_are_the_published_ones():
+    published = ([(f'm{r}{c}', F8) for r in range(3) for c in range(3)] + [(f'c{i:02d}', F8) for i in range(21)] + [
+        ('dt', F8), ('inliers', U4), ('tracks', U4), ('residual', F4), ('model', U1), ('status', U1),
+        ('prev_sec', U4), ('prev_nanosec', U4)])
+    ego = EgoMotion(np.eye(3), np.eye(6), EgoStatus.OK, 2, 1)
+    assert [(field.name, field.datatype) for field in ego_to_msg(ego, HEADER).fields] == published
+
+
+@pytest.mark.parametrize('count', [0, 3])
+def test_detections_survive_the_wire(count):
+    sent = some_detections()[:count]
+    msg = deserialize_message(serialize_message(detections_to_msg(sent, HEADER)), PointCloud2)
+    assert read_detections(msg).tobytes() == sent.tobytes()
+
+
+def test_other_order_extra_fields_and_big_endian_are_read():
+    sent = some_detections()
+    names = [*reversed(DETECTION_DTYPE.names), 'extra']
+    kinds = [DETECTION_DTYPE[name] if name != 'extra' else np.dtype('<f8') for name in names]
+    foreign = np.dtype([(name, kind.newbyteorder('>')) for name, kind in zip(names, kinds, strict=True)])
+    records = np.zeros(3, foreign)
+    for name in DETECTION_DTYPE.names:
+        records[name] = sent[name]
+    msg = records_to_msg(records, HEADER)
+    msg.is_bigendian = True
+    assert read_detections(msg).tobytes() == sent.tobytes()
+
+
+def test_missing_fields_and_bytes_are_named():
+    msg = detections_to_msg(some_detections(), HEADER)
+    msg.fields = [field for field in msg.fields if field.name not in ('id', 'ttc')]
+    with pytest.raises(MessageError, match='expected fields ttc, id, got u, v, '):
+        read_detections(msg)
+    msg = detections_to_msg(some_detections(), HEADER)
+    msg.data = msg.data[:-1]
+    with pytest.raises(MessageError, match='expected 204 bytes, got 203'):
+        read_detections(msg)
+
+
+def test_ego_motion_survives_the_wire():
+    random = np.random.default_rng(1)
+    root = random.normal(size=(6, 6))
+    sent = EgoMotion(random.normal(size=(3, 3)), root @ root.T, EgoStatus.OK, 5_000_000_006, 4_999_000_000, 300, 400,
+                     0.125, MotionModel.AFFINE)
+    got = ego_from_msg(deserialize_message(serialize_message(ego_to_msg(sent, HEADER)), PointCloud2))
+    np.testing.assert_array_equal(got.matrix, sent.matrix)
+    np.testing.assert_array_equal(got.covariance, sent.covariance)
+    assert (got.status, got.stamp_ns, got.prev_stamp_ns, got.inliers, got.tracks, got.residual_px, got.model) == (
+        sent.status, sent.stamp_ns, sent.prev_stamp_ns, 300, 400, 0.125, MotionModel.AFFINE)
+    assert got.dt_s == pytest.approx(0.001000006)
+
+
+@pytest.mark.parametrize(('status', 'count', 'words'), [(77, 1, '77'), (0, 2, 'expected one record, got 2')])
+def test_nonsense_ego_motion_is_refused(status, count, words):
+    records = np.zeros(count, EGO_DTYPE)
+    records['status'] = status
+    with pytest.raises(MessageError, match=words):
+        ego_from_msg(records_to_msg(records, HEADER))

@@ -1,0 +1,57 @@
+"""Presets say what the dataclasses say, and wrong files are named in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from motion_detect_ros.core.config import PipelineConfig, settings
+from motion_detect_ros.core.errors import ConfigError
+from motion_detect_ros.presets import NODE_PARAMETERS, find_config, load_preset, preset_names, read_parameters
+
+
+def test_default_yaml_is_every_default():
+    written = read_parameters(find_config('default.yaml'))
+    assert written == {name: value for name, value, _ in settings(PipelineConfig())}
+    assert load_preset('default') == PipelineConfig()
+
+
+@pytest.mark.parametrize('name', ['default', 'kitti', 'visdrone'])
+def test_presets_hold_known_parameters_only(name):
+    known = {setting for setting, _, _ in settings(PipelineConfig())} | NODE_PARAMETERS
+    assert set(read_parameters(find_config(f'{name}.yaml'))) <= known
+    assert name in preset_names()
+
+
+def test_published_values_are_shipped():
+    visdrone, kitti = load_preset('visdrone').art2, load_preset('kitti').art2
+    assert (visdrone.initial_neurons, visdrone.max_neurons, visdrone.vigilance, visdrone.learning_rate) == (
+        15, 25, 0.2, 0.95)
+    assert (kitti.initial_neurons, kitti.max_neurons, kitti.learning_rate) == (5, 10, 0.95)
+
+
+def test_node_parameters_are_left_out_offline(tmp_path: Path):
+    path = tmp_path / 'mine.yaml'
+    path.write_text('/**:\n  ros__parameters:\n    queue_size: 3\n    art2: {vigilance: 0.3}\n')
+    assert load_preset(path).art2.vigilance == 0.3
+
+
+@pytest.mark.parametrize(('text', 'words'), [
+    ('art2: {vigilance: 0.3}', 'mine.yaml: expected "ros__parameters:" under'),
+    ('just words', 'mine.yaml: expected "/\\*\\*: ros__parameters:" at the top, got str'),
+    ('/**: [1', 'mine.yaml: expected a YAML parameter file, got'),
+    ('/**:\n  ros__parameters:\n    art2: {vigilanse: 0.3}', "mine.yaml: unknown setting 'art2.vigilanse'"),
+    ('/**:\n  ros__parameters:\n    art2: {vigilance: 3.0}', 'mine.yaml: art2.vigilance: expected 0.0 to 1.0, got 3.0'),
+])
+def test_wrong_files_are_named_in_one_line(tmp_path: Path, text: str, words: str):
+    path = tmp_path / 'mine.yaml'
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=words) as caught:
+        load_preset(path)
+    assert '\n' not in str(caught.value)
+
+
+def test_unknown_presets_list_the_known_ones():
+    with pytest.raises(ConfigError, match=r'moon: expected a preset \(default, kitti, visdrone\) or a YAML file'):
+        load_preset('moon')
