@@ -27,10 +27,7 @@ _TOOLS = {
     'replay': 'recordings through the detector, offline',
     'evaluate': 'detections against ground truth',
     'inspect': 'what a bag holds and what of it is damaged',
-}
-#: Commands that read their own command line.
-_PROGRAMS = {
-    'bench': 'time per stage and transport',
+    'bench': 'time per stage, and from image to detections',
 }
 
 
@@ -46,17 +43,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command, return its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     signal.signal(signal.SIGTERM, _terminate)
-    if words and words[0] in _PROGRAMS:
-        return _run_program(words)
-    return _run_tool(words)
-
-
-def _run_tool(words: list[str]) -> int:
     # Imported here: evaluate and inspect must not wait for numba to load.
     from motion_detect_ros.core.errors import MotionDetectError
     parser = OneLineParser(prog='motion_detect_ros', description='Moving-object detection from a moving camera.')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    for name, text in {**_PROGRAMS, **_TOOLS}.items():
+    for name, text in _TOOLS.items():
         sub = commands.add_parser(name, help=text, description=text)
         if words[:1] == [name]:
             importlib.import_module(f'motion_detect_ros.tools.{name}').add_arguments(sub)
@@ -78,11 +69,6 @@ def _run_tool(words: list[str]) -> int:
     except KeyboardInterrupt:
         print('interrupted; what was written so far is kept in the .part files', file=sys.stderr)
         return PARTIAL
-
-
-def _run_program(words: list[str]) -> int:
-    """Run a command that is a program of its own: ``main(arguments) -> exit code``."""
-    return int(importlib.import_module(f'motion_detect_ros.tools.{words[0]}').main(words[1:]))
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
