@@ -127,7 +127,8 @@ class ManagedNode(LifecycleNode):
             action()
         except Exception as error:  # rclpy would swallow it
             self._failure = reason_of(error)
-            self.get_logger().error(self._failure)
+            if self.context.ok():
+                self.get_logger().error(self._failure)
             self.stats.count_error(self._failure)
             return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS

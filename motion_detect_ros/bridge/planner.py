@@ -13,7 +13,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
 from motion_detect_ros.bridge.images import stamp_ns
-from motion_detect_ros.bridge.qos import record_qos
+from motion_detect_ros.bridge.qos import clock_qos
 from motion_detect_ros.bridge.records import read_detections
 from motion_detect_ros.core.types import NANOSECONDS, RecordArray
 
@@ -39,7 +39,7 @@ class Planner:
         rclpy.init(context=self._context, domain_id=domain_id)
         self._node = rclpy.create_node('planner', namespace=namespace, context=self._context)
         self._node.create_subscription(PointCloud2, 'detections', self._on_detections, 100)
-        self._node.create_subscription(Clock, '/clock', self._on_clock, record_qos())
+        self._node.create_subscription(Clock, '/clock', self._on_clock, clock_qos())
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._changed = threading.Condition()

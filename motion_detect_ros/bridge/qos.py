@@ -8,6 +8,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 #: Small records may queue; images may not, an old one is worth nothing.
 IMAGE_DEPTH = 1
 RECORD_DEPTH = 5
+CLOCK_DEPTH = 100
 RELIABILITIES = {'reliable': QoSReliabilityPolicy.RELIABLE, 'best_effort': QoSReliabilityPolicy.BEST_EFFORT}
 
 
@@ -19,6 +20,12 @@ def image_qos(reliability: str = 'reliable', depth: int = IMAGE_DEPTH) -> QoSPro
 def record_qos() -> QoSProfile:
     """For ego-motion and detections."""
     return QoSProfile(history=QoSHistoryPolicy.KEEP_LAST, depth=RECORD_DEPTH,
+                      reliability=QoSReliabilityPolicy.RELIABLE)
+
+
+def clock_qos() -> QoSProfile:
+    """For ``/clock``: whoever steps through time must not miss a step."""
+    return QoSProfile(history=QoSHistoryPolicy.KEEP_LAST, depth=CLOCK_DEPTH,
                       reliability=QoSReliabilityPolicy.RELIABLE)
 
 

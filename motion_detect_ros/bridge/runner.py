@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import sys
 from collections.abc import Callable
+from types import FrameType
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -16,33 +18,50 @@ from motion_detect_ros.core.errors import MotionDetectError
 WRONG_USE = 2
 
 
+class StopRequest:
+    """Notes the first SIGINT or SIGTERM instead of raising in the middle of whatever runs, be it a compiler.
+
+    rclpy handles the signal first and ends its context, which ends the spinning. A second signal interrupts.
+    """
+
+    def __init__(self) -> None:
+        self.made = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._note)
+
+    def _note(self, _number: int, _frame: FrameType | None) -> None:
+        if self.made:
+            raise KeyboardInterrupt
+        self.made = True
+
+
 def run(make_node: Callable[[], ManagedNode]) -> int:
     """Spins the node until it is finished or told to stop; returns the process's exit code.
 
     0 after SIGINT or SIGTERM or a finished job, 2 with one line on stderr for wrong parameters or input.
     """
     tune_malloc()
+    stop = StopRequest()
     node: ManagedNode | None = None
     try:
         rclpy.init()
+        if stop.made:
+            return 0
         node = make_node()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         node.start()
         executor.spin_until_future_complete(node.finished)
         return node.exit_code
-    except MotionDetectError as error:
-        return _complain(error)
-    except rclpy.exceptions.ROSInterruptException:
-        return 0
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
-    except RuntimeError as error:  # rclpy: wrong --ros-args before there is a node, a broken context after a signal
-        if node is None:
+    except Exception as error:
+        if stop.made:
+            return 0
+        # Before there is a node, a RuntimeError is rclpy's word for wrong --ros-args.
+        if isinstance(error, MotionDetectError) or (isinstance(error, RuntimeError) and node is None):
             return _complain(error)
-        if rclpy.ok():
-            raise
-        return 0
+        raise
     finally:
         _finish(node)
 

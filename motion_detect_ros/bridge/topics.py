@@ -22,7 +22,7 @@ from motion_detect_ros.bridge.images import (
     stamp_of,
 )
 from motion_detect_ros.bridge.managed_node import ManagedNode
-from motion_detect_ros.bridge.qos import image_qos, record_qos
+from motion_detect_ros.bridge.qos import clock_qos, image_qos, record_qos
 from motion_detect_ros.bridge.records import detections_to_msg, ego_from_msg, ego_to_msg, read_detections
 from motion_detect_ros.core.types import NANOSECONDS, RecordArray
 
@@ -49,7 +49,7 @@ EGO_MOTION = Topic('ego_motion', PointCloud2, ego_to_msg, ego_from_msg, record_q
 FLOW = Topic('flow', Image, flow_to_msg, flow_from_msg, image_qos)
 DETECTIONS = Topic('detections', PointCloud2, detections_to_msg, read_detections, record_qos)
 CLOCK = Topic('/clock', Clock, lambda ns, _: Clock(clock=stamp_of(ns)),
-              lambda msg: msg.clock.sec * NANOSECONDS + msg.clock.nanosec, record_qos)
+              lambda msg: msg.clock.sec * NANOSECONDS + msg.clock.nanosec, clock_qos)
 OVERLAY = Topic('~/overlay', Image, image_to_msg, image_from_msg, image_qos)
 OVERLAY_JPEG = Topic('~/overlay/compressed', CompressedImage, compressed_to_msg, image_from_msg, image_qos)
 FLOW_COLORS = Topic('~/flow', Image, image_to_msg, image_from_msg, image_qos)
