@@ -121,8 +121,12 @@ class ObjectsConfig:
 class TracksConfig:
     """Identity over time."""
 
-    confirm_hits: int = setting(4, 'detections before a track is reported', low=1, high=100)
+    confirm_hits: int = setting(3, 'detections before a track is reported', low=1, high=100)
     confirm_frames: int = setting(6, 'frames within which they must come', low=1, high=100)
+    confirm_log_odds: float = setting(
+        1.0, 'evidence summed over frames that a track needs before it is reported', low=-100.0, high=100.0)
+    show_log_odds: float = setting(
+        0.0, 'a confirmed track is reported while its evidence is at least this', low=-100.0, high=100.0)
     coast_frames: int = setting(3, 'frames a confirmed track lives without detection', low=0, high=100)
     gate_sigma: float = setting(3.0, 'association gate, standard deviations', low=0.5, high=20.0)
 

@@ -17,6 +17,7 @@ from motion_detect_ros.core.boxes import (
 )
 from motion_detect_ros.core.config import ObjectsConfig
 from motion_detect_ros.core.evidence import ImagePair, Support, image_noise, support
+from motion_detect_ros.core.scoring import log_odds
 from motion_detect_ros.core.segments import Segment
 from motion_detect_ros.core.tracks import Candidate
 from motion_detect_ros.core.types import BoolArray, FloatArray
@@ -43,15 +44,20 @@ class MotionField:
     seconds: float
     scale: float
 
-    def own_motion(self, top: int, bottom: int, left: int, right: int) -> FloatArray:
-        """Median motion against the background of the faster half of the cells in a window (the rest is leaked)."""
-        own = (self.residual - self.background.flow)[top:bottom, left:right].reshape(-1, 2)
-        own = own[np.isfinite(own[:, 0])]
-        if not len(own):
-            return np.zeros(2, np.float32)
+    def own_motion(self, rows: slice, columns: slice) -> tuple[FloatArray, float, float]:
+        """Motion against the background in a window of cells: (2,) pixels, in noise units, share of known cells.
+
+        The median of the faster half of the cells; the slower half is leaked background.
+        """
+        own = (self.residual - self.background.flow)[rows, columns].reshape(-1, 2)
+        known = np.isfinite(own[:, 0])
+        if not known.any():
+            return np.zeros(2, np.float32), 0.0, 0.0
+        own = own[known]
         length = np.hypot(own[:, 0], own[:, 1])
-        median: FloatArray = np.median(own[length >= np.median(length)], axis=0)
-        return median
+        motion: FloatArray = np.median(own[length >= np.median(length)], axis=0)
+        sigma_px = float(np.median(self.background.sigma_px[rows, columns]))
+        return motion, float(np.hypot(motion[0], motion[1])) / sigma_px, float(known.mean())
 
 
 class ObjectFinder:
@@ -119,13 +125,13 @@ class ObjectFinder:
         box, scale = patch.box, field.scale
         rows, columns = field.residual.shape[:2]
         height, width = pair.current.shape
-        motion = field.own_motion(
-            box.top * rows // height, -(-box.bottom * rows // height),
-            box.left * columns // width, -(-box.right * columns // width))
+        motion, sigmas, known = field.own_motion(
+            slice(box.top * rows // height, -(-box.bottom * rows // height)),
+            slice(box.left * columns // width, -(-box.right * columns // width)))
         centre = np.array([box.left + box.right, box.top + box.bottom]) / (2.0 * scale)
         size = np.array([box.width, box.height]) / scale
         return Candidate(centre, size, motion.astype(np.float64) / field.seconds, patch.pixels / scale ** 2,
-                         patch.fill, name)
+                         log_odds(patch.pixels, sigmas, known), name)
 
 
 def _cell_mask(segment: Segment, grid: tuple[int, ...], region: Box, width: int, height: int) -> BoolArray:

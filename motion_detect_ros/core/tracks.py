@@ -12,6 +12,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from motion_detect_ros.core.config import TracksConfig
+from motion_detect_ros.core.scoring import probability
 from motion_detect_ros.core.types import DoubleArray, RecordArray, empty_detections
 
 #: Cost that forbids a pairing.
@@ -20,19 +21,26 @@ FORBIDDEN = 1e6
 CENTRE_SHARE = 0.12
 ACCELERATION_SHARE = 2.0
 MIN_CENTRE_PX = 1.0
+#: What a track keeps of its evidence from frame to frame, what a miss costs, and where evidence saturates.
+KEPT_ODDS = 0.8
+MISS_LOG_ODDS = 1.0
+MAX_LOG_ODDS = 10.0
 #: Weight of a new size against the remembered one.
 SIZE_GAIN = 0.4
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One object seen in one frame. ``centre``, ``size``, ``velocity_px_s``: (2,) full-resolution pixels."""
+    """One object seen in one frame. ``centre``, ``size``, ``velocity_px_s``: (2,) full-resolution pixels.
+
+    ``log_odds``: how sure this frame alone is that it moves, see ``core.scoring``.
+    """
 
     centre: DoubleArray
     size: DoubleArray
     velocity_px_s: DoubleArray
     area: float
-    score: float
+    log_odds: float
     cluster: int
 
 
@@ -50,6 +58,7 @@ class Track:
         self.age = 1
         self.missed = 0
         self.hits: list[bool] = [True]
+        self.log_odds = seen.log_odds
 
     @staticmethod
     def _noise(size: DoubleArray) -> float:
@@ -90,8 +99,14 @@ class Track:
         self.state = self.state + gain @ (np.r_[seen.centre, seen.velocity_px_s] - self.state)
         self.covariance = self.covariance - gain @ self.covariance
         self.size = self.size + SIZE_GAIN * (seen.size - self.size)
+        self.log_odds = min(MAX_LOG_ODDS, KEPT_ODDS * self.log_odds + seen.log_odds)
         self.seen = seen
         self.missed = 0
+
+    def miss(self) -> None:
+        """Nothing was found where the object should be."""
+        self.log_odds = KEPT_ODDS * self.log_odds - MISS_LOG_ODDS
+        self.missed += 1
 
 
 class Tracker:
@@ -124,7 +139,7 @@ class Tracker:
             if hit:
                 track.update(candidates[pairs[index]])
             else:
-                track.missed += 1
+                track.miss()
         taken = set(pairs.values())
         for index, seen in enumerate(candidates):
             if index not in taken:
@@ -137,7 +152,7 @@ class Tracker:
     def skip(self) -> None:
         """A frame without ego-motion: nobody knows where the objects went; every track misses once."""
         for track in self._tracks:
-            track.missed += 1
+            track.miss()
             track.hits = [*track.hits, False][-self._config.confirm_frames:]
         self._tracks = [track for track in self._tracks if self._alive(track)]
 
@@ -158,7 +173,8 @@ class Tracker:
 
     def _confirm(self) -> None:
         for track in self._tracks:
-            if track.id == 0 and sum(track.hits) >= self._config.confirm_hits:
+            enough = sum(track.hits) >= self._config.confirm_hits and track.log_odds >= self._config.confirm_log_odds
+            if track.id == 0 and enough:
                 self._confirmed += 1
                 track.id = self._confirmed
 
@@ -169,13 +185,13 @@ class Tracker:
         return misses <= self._config.confirm_frames - self._config.confirm_hits
 
     def _report(self, width: int, height: int) -> RecordArray:
-        shown = [track for track in self._tracks if track.id]
+        shown = [track for track in self._tracks if track.id and track.log_odds >= self._config.show_log_odds]
         records = empty_detections(len(shown))
         for record, track in zip(records, shown, strict=True):
             (record['u'], record['v']), (record['width'], record['height']) = track.visible(width, height)
             record['vel_u'], record['vel_v'] = track.state[2:]
             record['var_u'], record['var_v'] = track.covariance[2, 2], track.covariance[3, 3]
-            record['score'] = track.seen.score * 0.7 ** track.missed
+            record['score'] = probability(track.log_odds)
             record['id'], record['age'], record['area'] = track.id, track.age, track.seen.area
             record['cluster'] = track.seen.cluster
         return records

@@ -1,0 +1,33 @@
+"""How sure one candidate is, from what is known about it in one frame.
+
+A logistic regression (Cox 1958) of "this candidate is a moving object" on three figures: how many pixels its own
+motion explains better, how fast it is in units of the flow's noise, and how much of its flow survived the check both
+ways. The coefficients were fitted over the candidates of the real clips in docs/accuracy.md, every clip with equal
+weight; they hardly change when any one clip is left out (docs/accuracy.md tells by how much).
+"""
+
+from __future__ import annotations
+
+import math
+
+INTERCEPT = -14.1
+PER_LOG_PIXELS = 0.75
+PER_LOG_SIGMAS = 1.75
+PER_KNOWN_SHARE = 7.5
+#: Motion below this counts as this, noise units.
+MIN_SIGMAS = 0.1
+
+
+def log_odds(pixels: int, sigmas: float, known_share: float) -> float:
+    """Logarithm of p / (1 - p) that a candidate moves by itself.
+
+    pixels: supported ones, working resolution; sigmas: motion against the background in noise units; known_share:
+    of its cells, 0..1.
+    """
+    return (INTERCEPT + PER_LOG_PIXELS * math.log(max(1, pixels))
+            + PER_LOG_SIGMAS * math.log(max(MIN_SIGMAS, sigmas)) + PER_KNOWN_SHARE * known_share)
+
+
+def probability(odds: float) -> float:
+    """0..1 of a logarithm of odds."""
+    return 1.0 / (1.0 + math.exp(-max(-50.0, min(50.0, odds))))
