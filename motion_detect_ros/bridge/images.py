@@ -15,6 +15,9 @@ from motion_detect_ros.core.errors import MessageError
 from motion_detect_ros.core.types import NANOSECONDS, CameraModel, FlowField
 from motion_detect_ros.sources.encoding import FLOW_ENCODING, decode, encoding_of, pixel_rows
 
+#: Grey stays grey; never turned by an EXIF tag, as flow and calibration belong to the sensor's own axes.
+AS_STORED = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
+
 
 def stamp_ns(header: Header) -> int:
     """Time of a header, nanoseconds."""
@@ -34,7 +37,7 @@ def header_of(nanoseconds: int, frame_id: str) -> Header:
 def image_from_msg(msg: Image | CompressedImage) -> npt.NDArray[np.uint8]:
     """(H, W) grey or (H, W, 3) BGR uint8; a view of the message's bytes where its layout allows.
 
-    Raises: MessageError for an unknown encoding, too few bytes, or bytes that are no JPEG or PNG.
+    Raises: MessageError for an unknown encoding, too few bytes, or bytes that are no whole JPEG or PNG.
     """
     if isinstance(msg, CompressedImage):
         return _decompressed(msg)
@@ -105,7 +108,10 @@ def bytes_of(values: npt.NDArray[np.generic]) -> array[int]:
 
 def _decompressed(msg: CompressedImage) -> npt.NDArray[np.uint8]:
     buffer = np.frombuffer(msg.data, np.uint8)
-    image = cv2.imdecode(buffer, cv2.IMREAD_ANYCOLOR) if buffer.size else None
+    try:
+        image = cv2.imdecode(buffer, AS_STORED) if buffer.size else None
+    except cv2.error:  # a header that promises an absurd size
+        image = None
     if image is None or image.dtype != np.uint8:
         raise MessageError(f'compressed image: expected JPEG or PNG, got {buffer.size} bytes of {msg.format!r}')
     return image

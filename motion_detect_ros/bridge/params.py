@@ -53,9 +53,7 @@ def declare_simple(
     try:
         value = node.declare_parameter(name, default, descriptor).value
     except _REFUSED as error:
-        expected = type(default).__name__ + (f' from {low} to {high}' if low is not None else '')
-        reason = ' '.join(str(error).split())
-        raise ConfigError(f'parameter {name}: expected {expected} (1.0, not 1, for a float): {reason}') from None
+        raise ConfigError(f'parameter {name}: {_refusal(error, default, low, high)}') from None
     if choices and value not in choices:
         raise ConfigError(f'parameter {name}: expected one of {", ".join(choices)}, got {value!r}')
     return value
@@ -66,6 +64,13 @@ def unknown_parameters(node: Node) -> tuple[str, ...]:
     given = getattr(node, '_parameter_overrides', {})  # rclpy has no public way to ask
     return tuple(name for name in sorted(given) if not node.has_parameter(name) and name not in NODE_PARAMETERS
                  and not name.startswith('qos_overrides.'))
+
+
+def _refusal(error: Exception, default: Scalar, low: float | None, high: float | None) -> str:
+    kind = type(default).__name__
+    hint = ' (1.0, not 1)' if isinstance(default, float) and isinstance(error, InvalidParameterTypeException) else ''
+    limits = f' from {low} to {high}' if low is not None else ''
+    return f'expected {kind}{limits}{hint}: {" ".join(str(error).split())}'
 
 
 def _description(metadata: Mapping[str, Any]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
@@ -38,26 +39,56 @@ def records_to_msg(records: RecordArray, header: Header) -> PointCloud2:
 def records_from_msg(msg: PointCloud2, dtype: np.dtype[np.void]) -> RecordArray:
     """The message's points as ``dtype``, found by field name; fields that ``dtype`` does not have are left out.
 
-    Raises: MessageError where a field is missing or the data are shorter than promised.
+    Raises: MessageError where a field is missing, lies outside its record, is of an unknown type, or the data are
+    shorter than promised.
     """
-    order = '>' if msg.is_bigendian else '<'
-    layout = np.dtype({
-        'names': [field.name for field in msg.fields],
-        'formats': [order + _FORMATS.get(field.datatype, 'u1') for field in msg.fields],
-        'offsets': [field.offset for field in msg.fields],
-        'itemsize': msg.point_step,
-    })
-    missing = [name for name in dtype.names or () if name not in (layout.names or ())]
+    names = dtype.names or ()
+    layout = _layout_of(msg, names)
+    rows = _rows_of(msg)
+    records = np.empty((msg.height, msg.width), dtype)
+    if records.size:
+        source = rows.view(layout)
+        for name in names:
+            records[name] = source[name]
+    return records.reshape(-1)
+
+
+def _layout_of(msg: PointCloud2, names: tuple[str, ...]) -> np.dtype[np.void]:
+    """Where ``names`` lie within one record of the message."""
+    fields = {field.name: field for field in msg.fields}
+    missing = [name for name in names if name not in fields]
     if missing:
-        raise MessageError(f'records: expected fields {", ".join(missing)}, got {", ".join(layout.names or ())}')
-    count, data = msg.width * msg.height, np.frombuffer(msg.data, np.uint8)
-    if data.size < count * msg.point_step:
-        raise MessageError(f'records: expected {count * msg.point_step} bytes, got {data.size}')
-    source = data[:count * msg.point_step].view(layout)
-    records = np.empty(count, dtype)
-    for name in dtype.names or ():
-        records[name] = source[name]
-    return records
+        raise MessageError(f'records: expected fields {", ".join(missing)}, got {", ".join(fields)}')
+    order = '>' if msg.is_bigendian else '<'
+    formats = [order + _format_of(fields[name]) for name in names]
+    try:
+        return np.dtype({'names': list(names), 'formats': formats, 'itemsize': msg.point_step,
+                         'offsets': [fields[name].offset for name in names]})
+    except ValueError:
+        end, last = max((fields[name].offset + np.dtype(form).itemsize, name)
+                        for name, form in zip(names, formats, strict=True))
+        raise MessageError(
+            f'records: expected point_step of at least {end} bytes for field {last}, got {msg.point_step}') from None
+
+
+def _format_of(field: PointField) -> str:
+    if field.datatype not in _FORMATS:
+        raise MessageError(f'records: expected field {field.name} of datatype 1 to 8, got {field.datatype}')
+    return _FORMATS[field.datatype]
+
+
+def _rows_of(msg: PointCloud2) -> npt.NDArray[np.uint8]:
+    """(height, width * point_step) bytes, padding at the end of rows cut off."""
+    row_bytes = msg.width * msg.point_step
+    # Some publishers leave row_step at 0 or give it for all rows; with one row it says nothing.
+    step = row_bytes if msg.height <= 1 else msg.row_step
+    data, needed = np.frombuffer(msg.data, np.uint8), step * max(msg.height - 1, 0) + row_bytes * min(msg.height, 1)
+    if step < row_bytes:
+        raise MessageError(f'records: expected row_step of at least {row_bytes} bytes, got {step}')
+    if data.size < needed:
+        raise MessageError(f'records: expected {needed} bytes, got {data.size}')
+    rows = np.lib.stride_tricks.as_strided(data, (msg.height, row_bytes), (step, 1), writeable=False)
+    return np.ascontiguousarray(rows)
 
 
 def detections_to_msg(records: RecordArray, header: Header) -> PointCloud2:
@@ -74,7 +105,9 @@ def read_detections(msg: PointCloud2) -> RecordArray:
 
 
 def ego_to_msg(ego: EgoMotion, header: Header) -> PointCloud2:
-    """The ``ego_motion`` topic: one record."""
+    """The ``ego_motion`` topic: one record. Raises: MessageError for times before 1970, which it cannot hold."""
+    if ego.prev_stamp_ns < 0:
+        raise MessageError(f'ego_motion: expected a stamp of at least 0 ns, got {ego.prev_stamp_ns}')
     record = np.zeros(1, EGO_DTYPE)
     for r in range(3):
         for c in range(3):

@@ -13,6 +13,8 @@ from motion_detect_ros.core.types import ByteArray, FloatArray, RecordArray
 HUE_STEP = 0.618033988749895
 #: An arrow shows the way an object will go in this time, seconds.
 ARROW_S = 0.5
+#: Coordinates are cut here before they are drawn, pixels.
+FAR_PX = 30_000.0
 UNKNOWN_FLOW_BGR = (60, 60, 60)
 
 
@@ -23,18 +25,22 @@ def color_of(identity: int) -> tuple[int, int, int]:
 
 
 def draw_detections(image: ByteArray, records: RecordArray) -> ByteArray:
-    """A BGR copy of ``image`` (H, W[, 3]) with box, id, score and velocity of every detection."""
+    """A BGR copy of ``image`` (H, W[, 3]) with box, id and velocity arrow of every detection.
+
+    A record whose box is not finite is left out, an arrow whose velocity is not finite too.
+    """
     canvas = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image.copy()
     thickness = max(1, round(canvas.shape[1] / 640))
     for record in records:
-        _draw_one(canvas, record, thickness)
+        if all(np.isfinite(record[name]) for name in ('u', 'v', 'width', 'height')):
+            _draw_one(canvas, record, thickness)
     return canvas
 
 
 def draw_boxes(image: ByteArray, boxes: FloatArray, color: tuple[int, int, int]) -> None:
     """Thin rectangles into a BGR image. boxes: (N, 4) x, y, w, h, pixels."""
     for x, y, w, h in np.asarray(boxes, np.float64).reshape(-1, 4):
-        cv2.rectangle(image, (round(x), round(y)), (round(x + w), round(y + h)), color, 1, cv2.LINE_AA)
+        cv2.rectangle(image, (round(x), round(y)), (round(x + w), round(y + h)), color, 1)
 
 
 def flow_to_color(flow: FloatArray, full_px: float | None = None) -> ByteArray:
@@ -54,14 +60,21 @@ def flow_to_color(flow: FloatArray, full_px: float | None = None) -> ByteArray:
     return color
 
 
+def _pixel(x: float, y: float) -> tuple[int, int]:
+    """Rounded, and near enough to the picture for OpenCV's 32-bit coordinates."""
+    return round(min(max(x, -FAR_PX), FAR_PX)), round(min(max(y, -FAR_PX), FAR_PX))
+
+
 def _draw_one(canvas: ByteArray, record: np.void, thickness: int) -> None:
     u, v = float(record['u']), float(record['v'])
     half_w, half_h = float(record['width']) / 2, float(record['height']) / 2
     color = color_of(int(record['id']))
-    left_top = (round(u - half_w), round(v - half_h))
-    cv2.rectangle(canvas, left_top, (round(u + half_w), round(v + half_h)), color, thickness, cv2.LINE_AA)
-    tip = (round(u + ARROW_S * float(record['vel_u'])), round(v + ARROW_S * float(record['vel_v'])))
-    cv2.arrowedLine(canvas, (round(u), round(v)), tip, color, thickness, cv2.LINE_AA, tipLength=0.25)
+    left_top = _pixel(u - half_w, v - half_h)
+    cv2.rectangle(canvas, left_top, _pixel(u + half_w, v + half_h), color, thickness)
+    ahead_u, ahead_v = ARROW_S * float(record['vel_u']), ARROW_S * float(record['vel_v'])
+    if np.isfinite(ahead_u) and np.isfinite(ahead_v):
+        tip = _pixel(u + ahead_u, v + ahead_v)
+        cv2.arrowedLine(canvas, _pixel(u, v), tip, color, thickness, cv2.LINE_AA, tipLength=0.25)
     label = f'{int(record["id"])}'
     cv2.putText(canvas, label, (left_top[0], left_top[1] - 3), cv2.FONT_HERSHEY_SIMPLEX, 0.4 * thickness, color,
                 thickness, cv2.LINE_AA)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import time
 
 import cv2
@@ -117,6 +118,23 @@ def test_compressed_images():
     assert np.abs(found.astype(int) - image).mean() < 3.0
     with pytest.raises(MessageError, match="expected JPEG or PNG, got 3 bytes of 'jpeg'"):
         image_from_msg(CompressedImage(format='jpeg', data=b'abc'))
+
+
+def test_compressed_images_are_not_turned_by_their_exif_tag():
+    """The APP1 segment says orientation 6 (turn by 90 degrees), as phones and action cameras write it."""
+    plain = bytes(compressed_to_msg(np.zeros((20, 40, 3), np.uint8), HEADER).data)
+    tiff = struct.pack('<2sHIHHHIHHI', b'II', 42, 8, 1, 0x0112, 3, 1, 6, 0, 0)
+    body = b'Exif\0\0' + tiff
+    tagged = plain[:2] + b'\xff\xe1' + struct.pack('>H', len(body) + 2) + body + plain[2:]
+    assert cv2.imdecode(np.frombuffer(tagged, np.uint8), cv2.IMREAD_COLOR).shape == (40, 20, 3)
+    assert image_from_msg(CompressedImage(format='jpeg', data=tagged)).shape == (20, 40, 3)
+
+
+def test_a_header_that_promises_an_absurd_size_is_refused():
+    side = 1_100_000
+    bitmap = struct.pack('<2sIHHIIiiHHIIiiII', b'BM', 154, 0, 0, 54, 40, side, side, 1, 24, 0, 0, 0, 0, 0, 0)
+    with pytest.raises(MessageError, match="expected JPEG or PNG, got 154 bytes of 'bmp'"):
+        image_from_msg(CompressedImage(format='bmp', data=bitmap + bytes(100)))
 
 
 def test_flow_is_exact_and_keeps_unknown_cells():

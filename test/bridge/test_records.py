@@ -83,6 +83,44 @@ def test_missing_fields_and_bytes_are_named():
         read_detections(msg)
 
 
+def test_padding_after_each_row_is_skipped():
+    sent = some_detections()[:2]
+    msg = detections_to_msg(sent, HEADER)
+    msg.height, msg.width, msg.row_step = 2, 1, 80
+    msg.data = sent[:1].tobytes() + bytes(12) + sent[1:].tobytes() + bytes(12)
+    assert read_detections(msg).tobytes() == sent.tobytes()
+    msg.row_step = 60
+    with pytest.raises(MessageError, match='expected row_step of at least 68 bytes, got 60'):
+        read_detections(msg)
+
+
+@pytest.mark.parametrize(('change', 'words'), [
+    (lambda msg: setattr(msg, 'point_step', 60), 'point_step of at least 68 bytes for field cluster, got 60'),
+    (lambda msg: setattr(msg, 'point_step', 0), 'point_step of at least 68 bytes for field cluster, got 0'),
+    (lambda msg: setattr(msg.fields[0], 'offset', 4000), 'point_step of at least 4004 bytes for field u, got 68'),
+    (lambda msg: setattr(msg.fields[0], 'datatype', 99), 'field u of datatype 1 to 8, got 99'),
+])
+def test_layouts_that_cannot_be_are_refused(change, words):
+    msg = detections_to_msg(some_detections(), HEADER)
+    change(msg)
+    with pytest.raises(MessageError, match=words):
+        read_detections(msg)
+
+
+def test_what_is_odd_in_foreign_extra_fields_does_not_matter():
+    sent = some_detections()
+    msg = detections_to_msg(sent, HEADER)
+    msg.fields = [*msg.fields, PointField(name='odd', offset=9999, datatype=99, count=7),
+                  PointField(name='odd', offset=0, datatype=F4, count=0)]
+    assert read_detections(msg).tobytes() == sent.tobytes()
+
+
+def test_times_before_1970_do_not_fit_the_record():
+    ego = EgoMotion(np.eye(3), np.eye(6), EgoStatus.FIRST_FRAME, 0, -1)
+    with pytest.raises(MessageError, match='expected a stamp of at least 0 ns, got -1'):
+        ego_to_msg(ego, HEADER)
+
+
 def test_ego_motion_survives_the_wire():
     random = np.random.default_rng(1)
     root = random.normal(size=(6, 6))

@@ -7,7 +7,6 @@ import threading
 from hypothesis import given
 from hypothesis import strategies as st
 
-from motion_detect_ros.bridge.diagnostics import StageStats
 from motion_detect_ros.bridge.sync import ExactJoin
 from motion_detect_ros.bridge.worker import Worker
 
@@ -30,9 +29,49 @@ def test_older_incomplete_sets_are_dropped_and_counted():
     assert join.add('flow', 1, 'f1') is None
 
 
+@st.composite
+def ordered_topics(draw: st.DrawFn) -> tuple[list[tuple[str, int]], dict[str, set[int]]]:
+    """Three topics, each in order of its stamps but with gaps, interleaved anyhow."""
+    kept = {name: draw(st.sets(st.integers(0, 15))) for name in 'abc'}
+    queues = {name: sorted(stamps) for name, stamps in kept.items()}
+    order = draw(st.permutations([name for name, stamps in kept.items() for _ in stamps]))
+    return [(name, queues[name].pop(0)) for name in order], kept
+
+
+@given(ordered_topics())
+def test_of_ordered_topics_all_common_stamps_come_out_in_order_and_every_other_is_accounted_for(topics):
+    arrivals, kept = topics
+    join = ExactJoin(('a', 'b', 'c'), 100)
+    emitted = [items[0] for items in (join.add(name, stamp, stamp) for name, stamp in arrivals) if items]
+    common, all_stamps = set.intersection(*kept.values()), set.union(*kept.values())
+    assert emitted == sorted(common)
+    before_the_last = {stamp for stamp in all_stamps - common if stamp < max(common, default=-1)}
+    assert join.dropped >= len({stamp for stamp in before_the_last if _arrived_first(arrivals, stamp, max(common))})
+    assert join.dropped + len(join._waiting) == len(all_stamps - common)
+
+
+def _arrived_first(arrivals: list[tuple[str, int]], stamp: int, last: int) -> bool:
+    """Whether something of ``stamp`` came before the set of ``last`` was complete."""
+    completed = max(index for index, (_, when) in enumerate(arrivals) if when == last)
+    return any(when == stamp for _, when in arrivals[:completed])
+
+
+def test_after_the_stamps_jump_back_sets_complete_again():
+    join = ExactJoin(('image', 'flow'), 3)
+    for stamp in (100, 101):
+        join.add('image', stamp, 'i')
+        assert join.add('flow', stamp, 'f')
+    join.add('image', 102, 'left over')
+    for stamp in (1, 2, 3):
+        join.add('image', stamp, f'i{stamp}')
+        assert join.add('flow', stamp, f'f{stamp}') == (f'i{stamp}', f'f{stamp}')
+    join.clear()
+    assert join.add('flow', 102, 'f') is None
+
+
 @given(st.lists(st.tuples(st.sampled_from('abc'), st.integers(0, 12)), max_size=200), st.integers(1, 6))
 def test_memory_is_bounded_and_nothing_is_lost_uncounted(inputs, capacity):
-    join, complete, open_sets = ExactJoin(('a', 'b', 'c'), capacity), [], 0
+    join, complete = ExactJoin(('a', 'b', 'c'), capacity), []
     started = set()
     for name, stamp in inputs:
         started.add(stamp)
@@ -41,8 +80,7 @@ def test_memory_is_bounded_and_nothing_is_lost_uncounted(inputs, capacity):
         if items:
             assert items == (('a', stamp), ('b', stamp), ('c', stamp))
             complete.append(stamp)
-    open_sets = len(join._waiting)
-    assert len(complete) + join.dropped + open_sets >= len(started)
+    assert len(complete) + join.dropped + len(join._waiting) >= len(started)
 
 
 def test_worker_keeps_the_newest_and_counts_the_rest():
@@ -62,18 +100,3 @@ def test_worker_keeps_the_newest_and_counts_the_rest():
     worker.stop()
     assert seen[-2:] == [8, 9]
     assert len(seen) + sum(dropped) == 10
-
-
-def test_stats_count_rates_and_percentiles():
-    stats = StageStats()
-    for index in range(11):
-        stats.count_received(index * 100_000_000)
-        stats.count_processed(index * 100_000_000, float(index), 7.0)
-    stats.count_dropped(3)
-    stats.count_error('bad')
-    summary = stats.summary(1_000_000_000)
-    assert (summary.received, summary.processed, summary.dropped, summary.errors) == (11, 11, 3, 1)
-    assert abs(summary.rate_in_hz - 10.0) < 1e-9
-    assert (summary.latency_p50_ms, summary.last_error) == (5.0, 'bad')
-    assert summary.latency_p95_ms == 9.5
-    assert StageStats().summary(0).rate_in_hz == 0.0
