@@ -26,7 +26,6 @@ from motion_detect_ros.bridge.images import (
 from motion_detect_ros.bridge.transport import tune_malloc
 from motion_detect_ros.core.errors import MessageError
 from motion_detect_ros.core.types import CameraModel, FlowField
-from motion_detect_ros.sources.encoding import ENCODINGS, decode
 
 HEADER = Header(stamp=Time(sec=12, nanosec=34), frame_id='eye')
 
@@ -47,69 +46,6 @@ def test_round_trip_with_header(shape):
 def test_a_slice_of_an_image_is_sent_right():
     image = pixels((20, 30, 3))[3:9, 4:25]
     np.testing.assert_array_equal(image_from_msg(image_to_msg(image, HEADER)), image)
-
-
-def test_padding_at_the_end_of_rows_is_cut_off():
-    data = bytes([1, 2, 3, 99, 4, 5, 6, 99])
-    assert decode(2, 3, 'mono8', False, 4, data).tolist() == [[1, 2, 3], [4, 5, 6]]
-    assert decode(2, 3, 'mono8', False, 4, data[:-1]).tolist() == [[1, 2, 3], [4, 5, 6]]  # last padding left out
-
-
-@pytest.mark.parametrize(('encoding', 'bytes_', 'bgr'), [
-    ('bgr8', [10, 20, 30], [10, 20, 30]), ('rgb8', [10, 20, 30], [30, 20, 10]),
-    ('bgra8', [10, 20, 30, 255], [10, 20, 30]), ('rgba8', [10, 20, 30, 255], [30, 20, 10]),
-    ('8UC3', [10, 20, 30], [10, 20, 30]),
-])
-def test_colour_orders(encoding, bytes_, bgr):
-    assert decode(1, 1, encoding, False, len(bytes_), bytes(bytes_)).tolist() == [[bgr]]
-
-
-@pytest.mark.parametrize(('big', 'data'), [(False, [0x34, 0x12]), (True, [0x12, 0x34])])
-def test_sixteen_bits_keep_their_upper_eight_in_both_byte_orders(big, data):
-    assert decode(1, 1, 'mono16', big, 2, bytes(data)).tolist() == [[0x12]]
-
-
-@pytest.mark.parametrize(('encoding', 'order'), [('uyvy', (128, 200, 128, 50)), ('yuv422_yuy2', (200, 128, 50, 128))])
-def test_yuv_pixels_share_their_colour(encoding, order):
-    # U = V = 128 is no colour: both pixels are grey of their own brightness, (Y - 16) * 255 / 219
-    found = decode(1, 2, encoding, False, 4, bytes(order))
-    for pixel, luma in zip(found[0], (200, 50), strict=True):
-        np.testing.assert_allclose(pixel, (luma - 16) * 255 / 219, atol=2)
-
-
-@pytest.mark.parametrize(('encoding', 'red_at'), [
-    ('bayer_rggb8', (0, 0)), ('bayer_bggr8', (1, 1)), ('bayer_grbg8', (0, 1)), ('bayer_gbrg8', (1, 0))])
-def test_bayer_red_comes_out_red(encoding, red_at):
-    mosaic = np.zeros((16, 16), np.uint8)
-    mosaic[red_at[0]::2, red_at[1]::2] = 200
-    blue, green, red = decode(16, 16, encoding, False, 16, mosaic.tobytes())[8, 8]
-    assert red > 90 and blue == 0 and green < red
-
-
-def test_contiguous_images_are_viewed_not_copied():
-    buffer = bytearray(pixels((4, 6, 3)).tobytes())
-    view = decode(4, 6, 'bgr8', False, 18, buffer)
-    buffer[0] ^= 255
-    assert view[0, 0, 0] == buffer[0]
-
-
-@pytest.mark.parametrize(('arguments', 'words'), [
-    ((2, 2, 'jpeg9000', False, 6, bytes(12)), "expected one of mono8, .*, got 'jpeg9000'"),
-    ((2, 2, 'bgr8', False, 5, bytes(12)), 'step: expected at least 6 bytes for 2 pixels, got 5'),
-    ((2, 2, 'bgr8', False, 6, bytes(11)), 'data: expected 12 bytes, got 11'),
-    ((0, 2, 'bgr8', False, 6, b''), 'size: expected at least 1x1, got 2x0'),
-    ((2, 3, 'uyvy', False, 6, bytes(12)), 'cannot be uyvy'),
-])
-def test_errors_say_expected_and_actual(arguments, words):
-    with pytest.raises(MessageError, match=words):
-        decode(*arguments)
-
-
-def test_every_encoding_gives_bytes_of_the_image_size():
-    for name, layout in ENCODINGS.items():
-        step = 8 * layout.channels * np.dtype(layout.dtype).itemsize
-        found = decode(6, 8, name, False, step, bytes(6 * step))
-        assert found.shape[:2] == (6, 8) and found.dtype == np.uint8, name
 
 
 def test_compressed_images():
