@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,14 @@ def test_presets_hold_known_parameters_only(name):
     known = {setting for setting, _, _ in settings(PipelineConfig())} | NODE_PARAMETERS
     assert set(read_parameters(find_config(f'{name}.yaml'))) <= known
     assert name in preset_names()
+
+
+def test_every_parameter_that_a_node_declares_may_stand_in_a_preset():
+    package = find_config('default.yaml').parent.parent / 'motion_detect_ros'
+    sources = '\n'.join(path.read_text() for folder in ('nodes', 'bridge') for path in (package / folder).glob('*.py'))
+    declared = set(re.findall(r"declare_simple\(\s*self, '(\w+)'", sources))
+    assert {'bag', 'image_reliability', 'queue_size', 'source'} <= declared
+    assert declared | {'use_sim_time'} == NODE_PARAMETERS
 
 
 def test_published_values_are_shipped():

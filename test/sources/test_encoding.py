@@ -17,8 +17,8 @@ def pixels(shape: tuple[int, ...], seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, 256, shape, np.uint8)
 
 
-@given(st.integers(1, 5), st.integers(1, 5), st.integers(0, 9), st.sampled_from([('u1', 'B'), ('u2', 'H'), ('f4', 'f')]),
-       st.integers(1, 4), st.booleans(), st.booleans())
+@given(st.integers(1, 5), st.integers(1, 5), st.integers(0, 9),
+       st.sampled_from([('u1', 'B'), ('u2', 'H'), ('f4', 'f')]), st.integers(1, 4), st.booleans(), st.booleans())
 def test_any_layout_reads_as_unpacked_one_by_one(height, width, padding, kind, channels, big, cut_off_padding):
     dtype, code = kind
     form = f"{'>' if big else '<'}{width * channels}{code}"
