@@ -66,6 +66,8 @@ class OpticalFlowConfig:
         low=0.001, high=2.0, unit='s')
     finest_scale: int = setting(
         2, 'finest pyramid level of DIS, 0 = full resolution', low=0, high=4)
+    refinement_iterations: int = setting(
+        2, 'rounds of variational refinement of DIS on every level', low=0, high=50)
     grid_px: int = setting(4, 'cell size of the published flow grid, working-resolution pixels',
                            low=1, high=32, unit='px')
     forward_backward_px: float = setting(

@@ -63,6 +63,7 @@ class DisFlow:
         self._limit_px = config.forward_backward_px
         self._dis = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
         self._dis.setFinestScale(config.finest_scale)
+        self._dis.setVariationalRefinementIterations(config.refinement_iterations)
 
     def both_ways(self, current: ByteArray, earlier: ByteArray) -> FloatArray:
         """(H, W, 2) displacement from ``current`` to ``earlier``, NaN where the way back does not return."""
