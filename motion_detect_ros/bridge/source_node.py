@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import threading
+import time
+from collections.abc import Callable
 
-from motion_detect_ros.bridge.managed_node import ManagedNode, reason_of
+from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode, reason_of
+from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.core.errors import MotionDetectError
 
 #: How long the last message gets to leave before the process ends, seconds.
 LINGER_S = 0.5
 #: How long a stopped thread gets, seconds.
 STOP_TIMEOUT_S = 5.0
+#: How often it looks whether enough subscribers are there, how long others get to be found after them, seconds.
+POLL_S = 0.02
+SETTLE_S = 0.5
+FOLLOW_S = 2.0
 BROKEN, UNREADABLE = 1, 2
 
 
@@ -21,10 +28,27 @@ class SourceNode(ManagedNode):
         super().__init__(name)
         self.stopped = threading.Event()
         self._thread: threading.Thread | None = None
+        self._wait_for = int(declare_simple(
+            self, 'wait_for_subscribers', 0, 'subscribers that an image topic must have before the start', 0, 100))
 
     def produce(self) -> None:
         """Publish until there is no more, or ``stopped`` is set. Overridden. Raises: SourceError."""
         raise NotImplementedError
+
+    def await_subscribers(self, count: Callable[[], int], followers: Callable[[], int] = lambda: 1) -> None:
+        """Returns once ``count()`` is what the user waits for, or when ``stopped``.
+
+        ``followers``: listeners of what goes along with the images; at least one gets FOLLOW_S to be found.
+        """
+        if not self._wait_for:
+            return
+        while count() < self._wait_for and not self.stopped.wait(POLL_S):
+            self.get_logger().info(f'waiting for {self._wait_for} subscribers of the images, {count()} so far',
+                                   throttle_duration_sec=WARNING_PERIOD_S, skip_first=True)
+        self.stopped.wait(SETTLE_S)
+        deadline = time.monotonic() + FOLLOW_S
+        while not followers() and time.monotonic() < deadline and not self.stopped.wait(POLL_S):
+            pass
 
     def begin(self) -> None:
         """Start the thread."""

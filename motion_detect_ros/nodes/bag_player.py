@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S
 from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.bridge.qos import image_qos, record_qos
 from motion_detect_ros.bridge.runner import main_of
@@ -16,10 +15,6 @@ from motion_detect_ros.core.errors import MessageError, SourceError
 from motion_detect_ros.core.types import NANOSECONDS
 from motion_detect_ros.sources.bags import BagReader, RawMessage, TopicInfo
 
-#: How often it looks whether enough subscribers are there, how long others get to be found after them, seconds.
-POLL_S = 0.02
-SETTLE_S = 0.5
-
 
 class BagPlayerNode(SourceNode):
     """Publishes the messages of a bag as they were recorded, at ``rate`` times the recorded speed."""
@@ -29,8 +24,6 @@ class BagPlayerNode(SourceNode):
         self._bag = str(declare_simple(self, 'bag', '', 'MCAP or db3 file, or a folder that holds one'))
         self._rate = float(declare_simple(self, 'rate', 1.0, 'speed against the recording', 0.001, 1000.0))
         self._loop = bool(declare_simple(self, 'loop', False, 'start again at the end'))
-        self._wait_for = int(declare_simple(
-            self, 'wait_for_subscribers', 0, 'subscribers that an image topic must have before the start', 0, 100))
         wanted = str(declare_simple(self, 'topics', '', 'topics to play, separated by commas; empty = all'))
         if not self._bag:
             raise SourceError('bag_player: expected the parameter bag, e.g. -p bag:=flight.mcap')
@@ -52,21 +45,15 @@ class BagPlayerNode(SourceNode):
 
     def produce(self) -> None:
         """Play, again and again where ``loop`` says so."""
-        self._await_subscribers()
+        if self._images:
+            self.await_subscribers(self._listeners, lambda: self._ticks.listeners)
         self._play_once()
         while self._loop and not self.stopped.is_set():
             self._play_once()
 
-    def _await_subscribers(self) -> None:
-        def there() -> bool:
-            heard = (self._publishers_of[name].get_subscription_count() for name in self._images)
-            return not self._images or max(heard) >= self._wait_for
-        while not there() and not self.stopped.wait(POLL_S):
-            self.get_logger().info(
-                f'waiting for {self._wait_for} subscribers on one of: {", ".join(self._images)}',
-                throttle_duration_sec=WARNING_PERIOD_S, skip_first=True)
-        if self._wait_for:
-            self.stopped.wait(SETTLE_S)
+    def _listeners(self) -> int:
+        """Of the image topic that has most."""
+        return max((self._publishers_of[name].get_subscription_count() for name in self._images), default=0)
 
     def _play_once(self) -> None:
         with BagReader(self._bag) as reader:

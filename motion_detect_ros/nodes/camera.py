@@ -43,6 +43,7 @@ class CameraNode(SourceNode):
 
     def produce(self) -> None:
         """Capture and publish; a device that was let go of is opened anew."""
+        self.await_subscribers(lambda: max(self._images.listeners, self._jpegs.listeners))
         capture = self._capture = self._unused or self._opened()
         self._unused = None
         with capture:

@@ -1,0 +1,56 @@
+"""Nodes as processes of their own."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from peers import Peer
+
+from motion_detect_ros.bridge.transport import environment
+from motion_detect_ros.tools.live import own_domain
+
+
+@pytest.fixture
+def peer(monkeypatch: pytest.MonkeyPatch) -> Iterator[Peer]:
+    """With the transport profile that the package ships."""
+    for name, value in environment().items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    one = Peer(own_domain())
+    yield one
+    one.close()
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[bytes]]]:
+    """``start(node, *ros_arguments)`` runs a node as a process; every one still running must end cleanly."""
+    running: list[tuple[subprocess.Popen[bytes], Path]] = []
+
+    def begin(node: str, *arguments: str) -> subprocess.Popen[bytes]:
+        variables = {**environment(), 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+                     'ROS_HOME': str(tmp_path)}
+        log = tmp_path / f'{node}.log'
+        command = [sys.executable, '-m', f'motion_detect_ros.nodes.{node}', '--ros-args', *arguments]
+        with log.open('wb') as output:
+            process = subprocess.Popen(command, env=variables, stdout=output, stderr=subprocess.STDOUT)
+        running.append((process, log))
+        return process
+
+    yield begin
+    for process, _ in running:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+    for process, log in running:
+        try:
+            code = process.wait(15.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            raise
+        printed = log.read_text(errors='replace')
+        assert code == 0, printed
+        assert 'Traceback' not in printed, printed

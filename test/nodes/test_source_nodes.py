@@ -1,0 +1,162 @@
+"""The nodes at both ends: camera and bag player make messages, the overlay makes pictures."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from peers import image_message, picture, ready
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
+
+from motion_detect_ros.bridge.images import header_of, image_from_msg, stamp_ns
+from motion_detect_ros.bridge.records import detections_to_msg
+from motion_detect_ros.core.types import NANOSECONDS, CameraModel, empty_detections
+from motion_detect_ros.sources.bags import BagWriter
+
+PERIOD_NS = 50_000_000
+STAMPS = [1_600_000_000 * NANOSECONDS + index * PERIOD_NS for index in range(8)]
+
+
+@pytest.fixture
+def pictures(tmp_path):
+    """A folder of eight PNG files."""
+    folder = tmp_path / 'pictures'
+    folder.mkdir()
+    for index in range(8):
+        cv2.imwrite(str(folder / f'{index:03d}.png'), picture(index))
+    return folder
+
+
+@pytest.fixture
+def bag(tmp_path):
+    """Eight images from /image_raw, their calibration, and one image from /rear/image_raw."""
+    path = tmp_path / 'flight.mcap'
+    with BagWriter(path) as writer:
+        for index, stamp in enumerate(STAMPS):
+            writer.write_camera_info(CameraModel(320, 240, 300.0, 301.0, 160.0, 120.0), stamp)
+            writer.write_image(picture(index), stamp)
+        writer.write_image(picture(9), STAMPS[-1], '/rear/image_raw')
+    return path
+
+
+def film(peer, start, pictures, *arguments):
+    waiting = ('-p', 'wait_for_subscribers:=1')
+    process = start('camera', '-p', f'source:={pictures}', '-p', 'fps:=10.0', *waiting, *arguments)
+    assert peer.until(lambda: process.poll() is not None)
+    peer.until(lambda: False, 0.5)
+
+
+def test_camera_publishes_every_picture_of_a_folder_and_ends(peer, start, pictures):
+    images, infos = peer.listen(Image, 'image_raw'), peer.listen(CameraInfo, 'camera_info')
+    film(peer, start, pictures, '-p', 'frame_id:=nose')
+    assert len(images) == 8
+    for index, message in enumerate(images):
+        np.testing.assert_array_equal(image_from_msg(message), picture(index))
+        assert (message.encoding, message.header.frame_id) == ('bgr8', 'nose')
+    assert np.diff([stamp_ns(m.header) for m in images]) == pytest.approx(0.1 * NANOSECONDS)
+    assert [m.header for m in infos] == [m.header for m in images]
+    assert list(infos[0].k) == [0.0] * 9  # REP 104: uncalibrated
+
+
+def test_camera_takes_two_of_five(peer, start, pictures):
+    images = peer.listen(Image, 'image_raw')
+    film(peer, start, pictures, '-p', 'take:=2', '-p', 'of:=5')
+    for message, index in zip(images, (0, 1, 5, 6), strict=True):
+        np.testing.assert_array_equal(image_from_msg(message), picture(index))
+
+
+def test_camera_compresses_for_those_who_ask(peer, start, pictures):
+    jpegs = peer.listen(CompressedImage, 'image_raw/compressed')
+    film(peer, start, pictures)
+    assert len(jpegs) == 8
+    for index, message in enumerate(jpegs):
+        assert bytes(message.data[:3]) == b'\xff\xd8\xff'  # the mark every JPEG begins with
+        assert np.abs(image_from_msg(message).astype(int) - picture(index)).mean() < 10.0
+
+
+def play(peer, start, bag, *arguments):
+    process = start('bag_player', '-p', f'bag:={bag}', '-p', 'wait_for_subscribers:=1', *arguments)
+    assert peer.until(lambda: process.poll() is not None)
+    peer.until(lambda: False, 0.5)
+
+
+def test_player_plays_what_was_recorded_with_its_stamps(peer, start, bag):
+    images, rear = peer.listen(Image, 'image_raw'), peer.listen(Image, 'rear/image_raw')
+    infos, ticks = peer.listen(CameraInfo, 'camera_info'), peer.listen(Clock, '/clock')
+    play(peer, start, bag)
+    assert [stamp_ns(m.header) for m in images] == STAMPS
+    assert [stamp_ns(m.header) for m in infos] == STAMPS
+    assert [stamp_ns(m.header) for m in rear] == STAMPS[-1:]
+    for index, message in enumerate(images):
+        np.testing.assert_array_equal(image_from_msg(message), picture(index))
+    assert sorted({t.clock.sec * NANOSECONDS + t.clock.nanosec for t in ticks}) == STAMPS
+    assert infos[0].k[4] == 301.0
+
+
+def test_player_keeps_the_recorded_pace_times_rate(peer, start, bag):
+    ticks = peer.listen(Clock, '/clock')
+    arrivals: list[float] = []
+    peer.node.create_subscription(Image, 'image_raw', lambda _: arrivals.append(now_s(peer)), 10)
+    play(peer, start, bag, '-p', 'rate:=0.5')
+    assert len(ticks) == 9
+    assert arrivals[-1] - arrivals[0] == pytest.approx(7 * 0.05 / 0.5, abs=0.1)
+
+
+def now_s(peer) -> float:
+    return peer.node.get_clock().now().nanoseconds * 1e-9
+
+
+def test_player_plays_chosen_topics_only(peer, start, bag):
+    images, rear = peer.listen(Image, 'image_raw'), peer.listen(Image, 'seen')
+    play(peer, start, bag, '-p', 'topics:=/rear/image_raw', '-r', 'rear/image_raw:=seen')
+    assert not images
+    np.testing.assert_array_equal(image_from_msg(rear[0]), picture(9))
+
+
+def test_player_starts_again_at_the_end(peer, start, bag):
+    images = peer.listen(Image, 'image_raw')
+    start('bag_player', '-p', f'bag:={bag}', '-p', 'loop:=true', '-p', 'rate:=10.0', '-p', 'wait_for_subscribers:=1')
+    assert peer.until(lambda: len(images) >= 20)
+    assert [stamp_ns(m.header) for m in images[:20]] == (STAMPS * 3)[:20]
+
+
+def test_overlay_draws_only_while_someone_looks(peer, start):
+    start('overlay')
+    publisher, boxes = peer.speak(Image, 'image_raw'), peer.speak(PointCloud2, 'detections')
+    assert peer.until(lambda: 'overlay' in peer.node.get_node_names())
+    peer.until(lambda: False, 1.5)
+    assert peer.node.count_subscribers('image_raw') == 0
+    drawn = peer.listen(Image, '/overlay/overlay')
+    assert ready(peer, 'image_raw')
+    assert ready(peer, 'detections')
+    records = empty_detections(1)
+    for name, value in {'u': 100, 'v': 80, 'width': 60, 'height': 40, 'id': 3}.items():
+        records[name] = value
+    image = image_message(0)
+    publisher.publish(image)
+    boxes.publish(detections_to_msg(records, image.header))
+    assert peer.until(lambda: drawn)
+    assert drawn[0].header == image.header
+    changed = np.abs(image_from_msg(drawn[0]).astype(int) - picture(0)).max(axis=2) > 0
+    assert changed[60, 75:125].all()  # the upper edge of a box from (70, 60) to (130, 100)
+    assert changed[100, 75:125].all()
+    assert changed[65:95, 70].all()
+    assert changed[65:95, 130].all()
+    assert changed[59:103, 68:133].mean() < 0.5
+    assert not changed[120:, :].any()
+
+
+def test_overlay_drops_what_never_gets_detections(peer, start):
+    start('overlay')
+    publisher, boxes = peer.speak(Image, 'image_raw'), peer.speak(PointCloud2, 'detections')
+    drawn = peer.listen(Image, '/overlay/overlay')
+    assert ready(peer, 'image_raw')
+    assert ready(peer, 'detections')
+    for index in range(3):
+        publisher.publish(image_message(index))
+        peer.until(lambda: False, 0.1)
+    boxes.publish(detections_to_msg(empty_detections(), header_of(300_000_000, 'front')))
+    assert peer.until(lambda: drawn)
+    assert [stamp_ns(m.header) for m in drawn] == [300_000_000]
+    np.testing.assert_array_equal(image_from_msg(drawn[0]), picture(2))

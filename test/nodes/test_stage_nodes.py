@@ -1,0 +1,214 @@
+"""What a stage node promises beside its answers: lifecycle, reset, diagnostics, inputs of every kind."""
+
+from __future__ import annotations
+
+import math
+import signal
+
+import cv2
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from peers import TIMEOUT_S, image_message, picture, ready, small
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
+from std_srvs.srv import Trigger
+
+from motion_detect_ros.bridge.images import header_of, stamp_ns
+from motion_detect_ros.bridge.records import ego_from_msg, read_detections
+from motion_detect_ros.core.types import EgoStatus
+
+FRAMES = 12
+PERIOD_NS = 100_000_000
+
+
+def play(peer, publisher, answers, indexes, make=image_message):
+    """One picture after the other, each after the answer to the one before."""
+    for index in indexes:
+        wanted = len(answers) + 1
+        publisher.publish(make(index))
+        assert peer.until(lambda wanted=wanted: len(answers) >= wanted), f'no answer to image {index}'
+
+
+def test_answers_carry_stamp_and_frame_of_their_image(peer, start):
+    start('pipeline', *small())
+    detections, egos, flows = (
+        peer.listen(kind, name) for kind, name in
+        ((PointCloud2, 'detections'), (PointCloud2, 'ego_motion'), (Image, 'flow')))
+    publisher = peer.speak(Image, 'image_raw')
+    assert ready(peer, 'image_raw')
+    play(peer, publisher, detections, range(FRAMES))
+    assert peer.until(lambda: len(flows) == FRAMES and len(egos) == FRAMES)
+    for messages in (detections, egos, flows):
+        assert [stamp_ns(m.header) for m in messages] == [(i + 1) * PERIOD_NS for i in range(FRAMES)]
+        assert {m.header.frame_id for m in messages} == {'front'}
+    # The camera moves right by 2 pixels a frame, so the ground moves left by 2; the very first frame knows nothing.
+    first, *later = [ego_from_msg(m) for m in egos]
+    assert first.status == EgoStatus.FIRST_FRAME
+    np.testing.assert_array_equal(first.matrix, np.eye(3))
+    for ego in later[3:]:
+        np.testing.assert_allclose(ego.matrix @ (160, 120, 1), (158, 120, 1), atol=0.1)
+        assert ego.dt_s == pytest.approx(0.1)
+    flow = np.frombuffer(flows[-1].data, np.float32).reshape(flows[-1].height, flows[-1].width, 2)
+    assert flows[-1].encoding == '32FC2'
+    np.testing.assert_allclose(np.nanmedian(flow, axis=(0, 1)), (-2.0, 0.0), atol=0.1)
+
+
+def test_lifecycle_waits_works_rests_and_works_again(peer, start):
+    start('ego_motion', *small('autostart:=false'))
+    answers = peer.listen(PointCloud2, 'ego_motion')
+    publisher = peer.speak(Image, 'image_raw')
+
+    def change(transition: int) -> None:
+        answer = peer.call(ChangeState, '/ego_motion/change_state', transition=Transition(id=transition))
+        assert answer.success
+
+    def state() -> int:
+        return peer.call(GetState, '/ego_motion/get_state').current_state.id
+
+    assert state() == State.PRIMARY_STATE_UNCONFIGURED
+    assert not peer.call(Trigger, '/ego_motion/reset').success
+    assert peer.node.count_subscribers('image_raw') == 0
+    for _ in range(2):
+        change(Transition.TRANSITION_CONFIGURE)
+        assert state() == State.PRIMARY_STATE_INACTIVE
+        assert peer.until(lambda: peer.node.count_publishers('ego_motion') == 1)
+        change(Transition.TRANSITION_ACTIVATE)
+        assert ready(peer, 'image_raw')
+        play(peer, publisher, answers, range(3))
+        assert [ego_from_msg(m).status for m in answers] == [EgoStatus.FIRST_FRAME, EgoStatus.OK, EgoStatus.OK]
+        answers.clear()
+        change(Transition.TRANSITION_DEACTIVATE)
+        assert peer.until(lambda: peer.node.count_subscribers('image_raw') == 0)
+        change(Transition.TRANSITION_CLEANUP)
+        assert state() == State.PRIMARY_STATE_UNCONFIGURED
+        assert peer.until(lambda: peer.node.count_publishers('ego_motion') == 0)
+
+
+def test_reset_forgets_the_past_and_no_id_comes_twice(peer, start):
+    start('pipeline', *small())
+    answers, egos = peer.listen(PointCloud2, 'detections'), peer.listen(PointCloud2, 'ego_motion')
+    publisher = peer.speak(Image, 'image_raw')
+    assert ready(peer, 'image_raw')
+    play(peer, publisher, answers, range(FRAMES))
+    before = {int(i) for m in answers for i in read_detections(m)['id']}
+    assert before
+    assert peer.call(Trigger, '/pipeline/reset').success
+    answers.clear()
+    egos.clear()
+    play(peer, publisher, answers, range(FRAMES, 2 * FRAMES))
+    assert peer.until(lambda: len(egos) == FRAMES)
+    assert ego_from_msg(egos[0]).status == EgoStatus.FIRST_FRAME
+    after = {int(i) for m in answers for i in read_detections(m)['id']}
+    assert after
+    assert not before & after
+
+
+def test_time_that_jumps_back_is_a_new_start_with_its_label(peer, start):
+    start('ego_motion', *small())
+    answers = peer.listen(PointCloud2, 'ego_motion')
+    publisher = peer.speak(Image, 'image_raw')
+    assert ready(peer, 'image_raw')
+    play(peer, publisher, answers, [5, 6, 2, 3])
+    statuses = [ego_from_msg(m).status for m in answers]
+    assert statuses == [EgoStatus.FIRST_FRAME, EgoStatus.OK, EgoStatus.TIME_JUMP, EgoStatus.OK]
+
+
+def test_diagnostics_count_what_was_sent(peer, start):
+    start('pipeline', *small())
+    reports = peer.listen(DiagnosticArray, '/diagnostics')
+    answers = peer.listen(PointCloud2, 'detections')
+    publisher = peer.speak(Image, 'image_raw')
+    assert ready(peer, 'image_raw')
+    play(peer, publisher, answers, range(FRAMES))
+    broken = image_message(FRAMES)
+    broken.step = 10
+    publisher.publish(broken)
+
+    def latest() -> dict[str, str]:
+        return {pair.key: pair.value for pair in reports[-1].status[0].values} if reports else {}
+
+    assert peer.until(lambda: latest().get('errors') == '1'), latest()
+    values = latest()
+    assert (values['received'], values['processed'], values['dropped']) == (str(FRAMES + 1), str(FRAMES), '0')
+    assert 'expected at least 960 bytes' in values['last_error']
+    assert 0.0 < float(values['latency_p50_ms']) <= float(values['latency_p95_ms'])
+    assert reports[-1].status[0].name == '/pipeline'
+    times = [m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in reports]
+    assert peer.until(lambda: len(reports) >= 3)
+    assert np.diff(times) == pytest.approx(1.0, abs=0.3)
+
+
+def jpeg(index: int) -> CompressedImage:
+    _, data = cv2.imencode('.png', picture(index))
+    return CompressedImage(header=header_of((index + 1) * PERIOD_NS, 'front'), format='png', data=data.tobytes())
+
+
+def test_compressed_images_give_the_same_answer(peer, start):
+    start('pipeline', *small('compressed:=true'), '-r', '__node:=from_png')
+    start('ego_motion', *small(), '-r', 'ego_motion:=raw_ego')
+    compressed, raw = peer.listen(PointCloud2, 'ego_motion'), peer.listen(PointCloud2, 'raw_ego')
+    png, plain = peer.speak(CompressedImage, 'image_raw/compressed'), peer.speak(Image, 'image_raw')
+    assert ready(peer, 'image_raw/compressed')
+    assert ready(peer, 'image_raw')
+    for index in range(4):
+        png.publish(jpeg(index))
+        plain.publish(image_message(index))
+        assert peer.until(lambda index=index: len(compressed) > index and len(raw) > index)
+    assert [bytes(m.data) for m in compressed] == [bytes(m.data) for m in raw]
+
+
+def test_best_effort_camera_namespace_and_calibration(peer, start):
+    start('pipeline', *small('image_reliability:=best_effort'), '-r', '__ns:=/front')
+    answers = peer.listen(PointCloud2, '/front/detections')
+    publisher = peer.speak(Image, '/front/image_raw', best_effort=True)
+    infos = peer.speak(CameraInfo, '/front/camera_info')
+    assert ready(peer, '/front/image_raw')
+    assert ready(peer, '/front/camera_info')
+    info = CameraInfo(width=320, height=240)
+    info.k = [300.0, 0.0, 160.0, 0.0, 300.0, 120.0, 0.0, 0.0, 1.0]
+    infos.publish(info)
+    play(peer, publisher, answers, range(FRAMES))
+    records = read_detections(answers[-1])
+    assert len(records) == 1
+    ray = np.array([(records['u'][0] - 160) / 300, (records['v'][0] - 120) / 300, 1.0])
+    got = [float(records[name][0]) for name in ('bearing_x', 'bearing_y', 'bearing_z')]
+    np.testing.assert_allclose(got, ray / math.sqrt(ray @ ray), atol=1e-5)
+
+
+def test_parameters_tell_unit_range_and_meaning_and_stay_as_they_are(peer, start):
+    start('ego_motion', *small())
+    asked = ['ego_motion.forward_backward_px', 'ego_motion.max_corners', 'ego_motion.smoothing']
+    answer = peer.call(DescribeParameters, '/ego_motion/describe_parameters', names=asked)
+    error, corners, smoothing = answer.descriptors
+    assert error.type == ParameterType.PARAMETER_DOUBLE
+    assert (error.floating_point_range[0].from_value, error.floating_point_range[0].to_value) == (0.01, 10.0)
+    assert '[px]' in error.description
+    assert (corners.integer_range[0].from_value, corners.integer_range[0].to_value) == (8, 5000)
+    assert 'kalman' in smoothing.additional_constraints
+    change = Parameter('ego_motion.max_corners', value=100).to_parameter_msg()
+    result = peer.call(SetParameters, '/ego_motion/set_parameters', parameters=[change])
+    assert not result.results[0].successful
+
+
+def test_misspelt_parameter_is_said(peer, start, tmp_path):
+    start('ego_motion', *small('ego_motion.max_cornrs:=100', 'bag:=elsewhere'))
+    assert ready_log(peer, tmp_path / 'ego_motion.log', 'ego_motion.max_cornrs is unknown')
+    assert 'bag is unknown' not in (tmp_path / 'ego_motion.log').read_text()
+
+
+def ready_log(peer, log, words: str) -> bool:
+    return peer.until(lambda: words in log.read_text())
+
+
+@pytest.mark.parametrize('stop', [signal.SIGINT, signal.SIGTERM], ids=['SIGINT', 'SIGTERM'])
+def test_clean_end_while_kernels_are_compiled(peer, start, stop, tmp_path, monkeypatch):
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'cold'))
+    process = start('art2_clustering')
+    assert peer.until(lambda: 'art2_clustering' in peer.node.get_node_names())
+    process.send_signal(stop)
+    assert process.wait(TIMEOUT_S) == 0
