@@ -12,7 +12,7 @@ import numpy as np
 
 from motion_detect_ros.core.affine import TUKEY_C
 from motion_detect_ros.core.config import BackgroundConfig
-from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
+from motion_detect_ros.core.types import DoubleArray, FloatArray
 
 #: Cells used for the fit at most; more would not change it.
 MAX_SAMPLES = 4000
@@ -73,9 +73,3 @@ def _irls(design: DoubleArray, target: DoubleArray) -> tuple[DoubleArray, float]
 def _rayleigh_sigma(distance: DoubleArray) -> float:
     """Deviation of one component from the median length of a two-component error (median = 1.1774 sigma)."""
     return float(np.median(distance)) / 1.1774
-
-
-def valid_cells(residual: FloatArray) -> BoolArray:
-    """(gh, gw) True where the flow is known."""
-    known: BoolArray = np.isfinite(residual[..., 0])
-    return known

@@ -130,7 +130,6 @@ class TracksConfig:
     show_log_odds: float = setting(
         0.0, 'a confirmed track is reported while its evidence is at least this', low=-100.0, high=100.0)
     coast_frames: int = setting(3, 'frames a confirmed track lives without detection', low=0, high=100)
-    gate_sigma: float = setting(3.0, 'association gate, standard deviations', low=0.5, high=20.0)
 
 
 @dataclass(frozen=True)

@@ -93,10 +93,6 @@ class LiveGraph:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def process_id(self, node: str) -> int:
-        """Process id of a running node."""
-        return self._processes[node].pid
-
     def output(self, node: str) -> str:
         """What a node has printed so far."""
         return (self._log / f'{node}.txt').read_text(encoding='utf-8', errors='replace')

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from pathlib import Path
 
 import motion_detect_ros
-from motion_detect_ros.core.errors import SourceError
-from motion_detect_ros.sources.bags import BagFrames, is_bag
+from motion_detect_ros.bridge.serialized import header_stamp_ns
+from motion_detect_ros.core.errors import MessageError, SourceError
+from motion_detect_ros.sources.bags import BagFrames, BagReader, is_bag
 from motion_detect_ros.sources.messages import COMPRESSED_IMAGE
 from motion_detect_ros.tools.live import CAMERA_TOPIC, COMPRESSED_TOPIC, IMAGE_TOPIC, LiveGraph, Playback, spread
 from motion_detect_ros.tools.outputs import SUMMARY_NAME, ReplayOutputs
@@ -33,14 +35,26 @@ def replay_live(
     with LiveGraph(preset, compressed=compressed) as graph:
         playback = graph.play(bag.resolve(), images, rate, topics)
     folder.mkdir(parents=True, exist_ok=True)
+    frame_of = _frame_numbers(bag, frames.topic.name)
     with ReplayOutputs(folder) as outputs:
-        for frame, message in enumerate(playback.received):
-            outputs.write(frame, message.stamp_ns, message.records)
+        for message in playback.received:
+            if message.stamp_ns in frame_of:
+                outputs.write(frame_of[message.stamp_ns], message.stamp_ns, message.records)
     _write_summary(folder, bag, images, playback)
     unanswered = images - len(playback.received)
     median, p95, _ = spread([message.latency_ms for message in playback.received])
     return unanswered, (f'{folder}: {images} images, {len(playback.received)} answers, latency {median:.0f} ms median, '
                         f'{p95:.0f} ms p95')
+
+
+def _frame_numbers(bag: Path, topic: str) -> dict[int, int]:
+    """Stamp -> number of the image in the bag: an image without answer must not shift those after it."""
+    numbers: dict[int, int] = {}
+    with BagReader(bag) as reader:
+        for number, message in enumerate(reader.messages([topic])):
+            with contextlib.suppress(MessageError):
+                numbers.setdefault(header_stamp_ns(message.data), number)
+    return numbers
 
 
 def _write_summary(folder: Path, bag: Path, images: int, playback: Playback) -> None:
