@@ -1,0 +1,82 @@
+"""``replay --live``: the bag's own topic names, the answers of the replay in process, frames numbered by the bag."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from test_nodes import PERIOD_NS, broken_image, scene
+
+from motion_detect_ros.__main__ import main
+from motion_detect_ros.core.types import CameraModel
+from motion_detect_ros.sources.bags import BagWriter
+from motion_detect_ros.sources.messages import COMPRESSED_IMAGE, IMAGE, header, make, serialize
+
+FRAMES = 25
+BROKEN = 15
+CAMERA = CameraModel(320, 240, 300.0, 300.0, 160.0, 120.0)
+
+
+def rows(folder: Path) -> list[dict[str, str]]:
+    with (folder / 'detections.csv').open(newline='') as file:
+        return list(csv.DictReader(file))
+
+
+def png(index: int, stamp_ns: int) -> bytes:
+    _, data = cv2.imencode('.png', scene(index))
+    return serialize(make(COMPRESSED_IMAGE, header=header(stamp_ns, 'camera'), format='png', data=data.ravel()))
+
+
+@pytest.fixture
+def two_cameras(tmp_path: Path) -> Path:
+    """Two cameras under names the nodes do not listen to; the second has one broken image."""
+    path = tmp_path / 'two.mcap'
+    with BagWriter(path) as bag:
+        for index in range(FRAMES):
+            stamp_ns = (index + 1) * PERIOD_NS
+            bag.write_image(np.zeros((64, 96), np.uint8), stamp_ns, '/front/image_raw')
+            if index == BROKEN:
+                bag.write_raw('/rear/image_raw', IMAGE, broken_image(stamp_ns), stamp_ns)
+            else:
+                bag.write_image(scene(index), stamp_ns, '/rear/image_raw')
+    return path
+
+
+def test_one_of_two_cameras_with_a_broken_image(two_cameras: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    words = ['replay', str(two_cameras), '--topic', '/rear/image_raw', '-o']
+    assert main([*words, str(tmp_path / 'live'), '--live']) == 3  # one image has no answer
+    assert f'{FRAMES} images, {FRAMES - 1} answers' in capsys.readouterr().out
+    assert main([*words, str(tmp_path / 'offline')]) == 3
+    live, offline = rows(tmp_path / 'live'), rows(tmp_path / 'offline')
+    assert live
+    assert live == offline
+    assert {int(row['frame']) for row in live} >= set(range(BROKEN + 1, FRAMES))
+    assert all(int(row['stamp_ns']) == (int(row['frame']) + 1) * PERIOD_NS for row in live)
+
+
+def test_compressed_images(tmp_path: Path):
+    with BagWriter(tmp_path / 'png.mcap') as bag:
+        for index in range(FRAMES):
+            stamp_ns = (index + 1) * PERIOD_NS
+            bag.write_camera_info(CAMERA, stamp_ns)
+            bag.write_raw('/image_raw/compressed', COMPRESSED_IMAGE, png(index, stamp_ns), stamp_ns)
+    words = ['replay', str(tmp_path / 'png.mcap'), '-o']
+    assert main([*words, str(tmp_path / 'live'), '--live']) == 0
+    assert main([*words, str(tmp_path / 'offline')]) == 0
+    assert rows(tmp_path / 'live')
+    assert rows(tmp_path / 'live') == rows(tmp_path / 'offline')
+    summary = json.loads((tmp_path / 'live' / 'summary.json').read_text())
+    assert (summary['frames'], summary['answered'], summary['live']) == (FRAMES, FRAMES, True)
+    assert 0.0 < summary['latency_ms']['p50'] <= summary['latency_ms']['p95']
+
+
+def test_topic_that_is_not_there_is_one_line(two_cameras: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(['replay', str(two_cameras), '--topic', '/left', '--live', '-o', str(tmp_path / 'o')]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert f'/front/image_raw ({FRAMES})' in lines[0]
+    assert f'/rear/image_raw ({FRAMES})' in lines[0]
