@@ -71,7 +71,7 @@ class OpticalFlowConfig:
     grid_px: int = setting(4, 'cell size of the published flow grid, working-resolution pixels',
                            low=1, high=32, unit='px')
     forward_backward_px: float = setting(
-        1.0, 'largest accepted forward-backward error', low=0.05, high=20.0, unit='px')
+        0.7, 'largest accepted forward-backward error', low=0.05, high=20.0, unit='px')
 
 
 @dataclass(frozen=True)

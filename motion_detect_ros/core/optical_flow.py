@@ -17,6 +17,9 @@ from motion_detect_ros.core.types import (
 )
 from motion_detect_ros.core.warp import apply, at_scale, grid_points, inverse, stabilise
 
+#: Share of the squared lengths of both ways that their disagreement may reach (Sundaram et al. 2010, equation 5).
+RETURN_SHARE = 0.01
+
 
 class OpticalFlowStage:
     """Keeps the last frames; gives the flow over ``baseline_s`` seconds for each new one."""
@@ -47,8 +50,7 @@ class OpticalFlowStage:
         """Total displacement on the grid: flow of the stabilised pair, put back under the ego-motion."""
         rows, columns = self._grid(frame)
         stabilised = stabilise(earlier.gray, at_scale(earlier.matrix, frame.scale))
-        to_earlier = self._flow.both_ways(frame.gray, stabilised)
-        shift = cv2.resize(to_earlier, (columns, rows), interpolation=cv2.INTER_AREA) / np.float32(frame.scale)
+        shift = self._flow.both_ways(frame.gray, stabilised, rows, columns) / np.float32(frame.scale)
         points = grid_points(rows, columns, frame.width, frame.height)
         origin = apply(inverse(earlier.matrix), points + shift)
         flow = points - origin
@@ -65,23 +67,21 @@ class DisFlow:
         self._dis.setFinestScale(config.finest_scale)
         self._dis.setVariationalRefinementIterations(config.refinement_iterations)
 
-    def both_ways(self, current: ByteArray, earlier: ByteArray) -> FloatArray:
-        """(H, W, 2) displacement from ``current`` to ``earlier``, NaN where the way back does not return."""
-        there = self._dis.calc(current, earlier, None)
-        back = self._dis.calc(earlier, current, None)
-        height, width = current.shape
-        target = there + pixel_grid(width, height)
+    def both_ways(self, current: ByteArray, earlier: ByteArray, rows: int, columns: int) -> FloatArray:
+        """(rows, columns, 2) displacement from ``current`` to ``earlier``, NaN where the way back does not return.
+
+        Averaged over the cells of the grid first: at the finest scale in use the flow is no finer than that.
+        """
+        there, back = (cv2.resize(self._dis.calc(one, other, None), (columns, rows), interpolation=cv2.INTER_AREA)
+                       for one, other in ((current, earlier), (earlier, current)))
+        cell_px = np.array([current.shape[1] / columns, current.shape[0] / rows], np.float32)
+        target = there / cell_px + grid_points(rows, columns, columns, rows)
         returned = cv2.remap(back, target, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         error = np.square(there + returned).sum(axis=2)
         length = np.square(there).sum(axis=2) + np.square(returned).sum(axis=2)
-        there[error > self._limit_px ** 2 + 0.01 * length] = np.nan
+        there[error > self._limit_px ** 2 + RETURN_SHARE * length] = np.nan
         flow: FloatArray = there
         return flow
-
-
-def pixel_grid(width: int, height: int) -> FloatArray:
-    """(height, width, 2) float32: every pixel's own (x, y)."""
-    return grid_points(height, width, width, height)
 
 
 def outside(points: FloatArray, width: int, height: int) -> np.ndarray:

@@ -15,6 +15,9 @@ from motion_detect_ros.core.errors import MessageError, SourceError
 from motion_detect_ros.core.types import NANOSECONDS
 from motion_detect_ros.sources.bags import BagReader, RawMessage, TopicInfo
 
+#: The age of a recorded stamp says nothing about the player.
+UNKNOWN_AGE_MS = float('nan')
+
 
 class BagPlayerNode(SourceNode):
     """Publishes the messages of a bag as they were recorded, at ``rate`` times the recorded speed."""
@@ -66,12 +69,12 @@ class BagPlayerNode(SourceNode):
                 self._publish(message)
 
     def _publish(self, message: RawMessage) -> None:
+        self.stats.count_received(time.monotonic_ns())
         if message.topic in self._images:
-            self.stats.count_received(time.monotonic_ns())
             self._ticks.publish(self._stamp_of(message))
         start = time.perf_counter()
         self._publishers_of[message.topic].publish(message.data)
-        self.stats.count_processed(time.monotonic_ns(), 1e3 * (time.perf_counter() - start), 0.0)
+        self.stats.count_processed(time.monotonic_ns(), 1e3 * (time.perf_counter() - start), UNKNOWN_AGE_MS)
 
     def _stamp_of(self, message: RawMessage) -> int:
         try:

@@ -37,6 +37,7 @@ class OverlayNode(ManagedNode):
             self, 'image_reliability', 'reliable', 'reliability asked of image publishers',
             choices=('reliable', 'best_effort')))
         self._join = ExactJoin(('image', 'detections'), WAITING)
+        self._drops = 0
         self._watching: tuple[bool, bool] = (False, False)
         self._active = False
         self.create_timer(LOOK_PERIOD_S, self._look)
@@ -76,19 +77,30 @@ class OverlayNode(ManagedNode):
             self.subscribe(FLOW.kind, FLOW.name, self._on_flow, quality)
 
     def _on_input(self, name: str, msg: Any) -> None:
-        self.stats.count_received(time.monotonic_ns())
+        if name == 'image':
+            self.stats.count_received(time.monotonic_ns())
         messages = self._join.add(name, stamp_ns(msg.header), msg)
+        self._count_drops()
         if not messages:
             return
-        image, detections = messages
         try:
-            picture = draw_detections(IMAGE.from_msg(image), DETECTIONS.from_msg(detections))
-            for publisher in (self._overlay, self._jpeg):
-                if publisher.listeners:
-                    publisher.publish(picture, image.header)
-            self.stats.count_processed(time.monotonic_ns(), 0.0, 0.0)
+            self._draw(*messages)
         except MotionDetectError as error:
             self.bad_input(error)
+
+    def _draw(self, image: Any, detections: Any) -> None:
+        start = time.perf_counter()
+        picture = draw_detections(IMAGE.from_msg(image), DETECTIONS.from_msg(detections))
+        for publisher in (self._overlay, self._jpeg):
+            if publisher.listeners:
+                publisher.publish(picture, image.header)
+        latency_ms = 1e3 * (time.perf_counter() - start)
+        self.stats.count_processed(time.monotonic_ns(), latency_ms, (self.now_ns() - stamp_ns(image.header)) / 1e6)
+
+    def _count_drops(self) -> None:
+        if self._join.dropped > self._drops:
+            self.stats.count_dropped(self._join.dropped - self._drops)
+            self._drops = self._join.dropped
 
     def _on_flow(self, msg: Any) -> None:
         try:

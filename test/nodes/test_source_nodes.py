@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from peers import image_message, picture, ready
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
@@ -150,7 +151,7 @@ def test_overlay_draws_only_while_someone_looks(peer, start):
 def test_overlay_drops_what_never_gets_detections(peer, start):
     start('overlay')
     publisher, boxes = peer.speak(Image, 'image_raw'), peer.speak(PointCloud2, 'detections')
-    drawn = peer.listen(Image, '/overlay/overlay')
+    drawn, reports = peer.listen(Image, '/overlay/overlay'), peer.listen(DiagnosticArray, '/diagnostics')
     assert ready(peer, 'image_raw')
     assert ready(peer, 'detections')
     for index in range(3):
@@ -160,3 +161,10 @@ def test_overlay_drops_what_never_gets_detections(peer, start):
     assert peer.until(lambda: drawn)
     assert [stamp_ns(m.header) for m in drawn] == [300_000_000]
     np.testing.assert_array_equal(image_from_msg(drawn[0]), picture(2))
+
+    def latest() -> dict[str, str]:
+        return {pair.key: pair.value for pair in reports[-1].status[0].values} if reports else {}
+
+    assert peer.until(lambda: latest().get('processed') == '1'), latest()
+    assert (latest()['received'], latest()['dropped']) == ('3', '2')
+    assert float(latest()['latency_p50_ms']) > 0.0
