@@ -87,6 +87,14 @@ def test_remapped_topics_are_topics_of_the_nodes():
     assert remapped <= known
 
 
+def test_arguments_passed_on_are_declared_there():
+    include, = calls(REPLAY, 'IncludeLaunchDescription')
+    words = {keyword.arg: keyword.value for keyword in include.keywords}
+    passed = ast.literal_eval(words['launch_arguments'].func.value)
+    assert set(passed) <= {name for name, _, _ in constant(DETECT, 'ARGUMENTS')}
+    assert passed['camera'] == 'false'
+
+
 def test_the_transport_environment_is_set_whole():
     assert {PROFILE_VARIABLE, *MALLOC} <= literals([ast.parse(DETECT.read_text())])
 
