@@ -14,6 +14,9 @@ from motion_detect_ros.core.optical_flow import OpticalFlowStage
 from motion_detect_ros.core.preprocessing import Preprocessor
 from motion_detect_ros.core.types import NANOSECONDS, CameraModel, Result, StageTimes
 
+#: Width of the scratch pictures at least; they are shrunk like any other.
+MIN_WARM_UP_PX = 480
+
 
 class MotionPipeline:
     """Preprocessing, ego-motion, optical flow and ART2 clustering, in that order, on one frame at a time.
@@ -62,7 +65,7 @@ class MotionPipeline:
 def warm_up(config: PipelineConfig) -> None:
     """Compile (or load from the cache) every kernel and touch the memory, so that no real frame has to wait."""
     pipeline = MotionPipeline(config)
-    width = config.preprocessing.max_width_px
+    width = max(MIN_WARM_UP_PX, config.preprocessing.max_width_px)
     random = np.random.default_rng(0)
     ground = random.integers(0, 255, (width * 9 // 16, width), np.uint8)
     thing = random.integers(0, 255, (40, 40), np.uint8)

@@ -3,7 +3,7 @@
 A logistic regression (Cox 1958) of "this candidate is a moving object" on three figures: how many pixels its own
 motion explains better, how fast it is in units of the flow's noise, and how much of its flow survived the check both
 ways. The coefficients were fitted over the candidates of the real clips in docs/accuracy.md, every clip with equal
-weight; they hardly change when any one clip is left out (docs/accuracy.md tells by how much).
+weight; docs/accuracy.md tells how they change, and what they are worth, when one clip is left out.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ READ_TIMEOUT_S = 0.2
 
 
 class CameraNode(SourceNode):
-    """Publishes pictures as they come, the newest first to leave, and says when it falls behind."""
+    """Publishes pictures as they come, late ones left out, and says when it falls behind."""
 
     def __init__(self) -> None:
         super().__init__('camera')

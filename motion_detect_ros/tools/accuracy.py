@@ -102,6 +102,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         changes = {name: yaml.safe_load(value) for name, _, value in (text.partition('=') for text in options.set)}
         clips = [clip for clip in read_clips(options.data) if not options.clips or clip.name in options.clips]
+        if not clips:
+            raise SourceError(f'clips: expected some of {", ".join(clip.name for clip in read_clips(options.data))}')
         results = [run_clip(clip, with_settings(load_preset(clip.preset), changes)) for clip in clips]
     except MotionDetectError as error:
         print(f'error: {error}', file=sys.stderr)
