@@ -10,8 +10,9 @@ from typing import Any
 
 import yaml
 
-from motion_detect_ros.core.config import PipelineConfig, with_settings
+from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError
+from motion_detect_ros.core.settings import with_settings
 
 PACKAGE = 'motion_detect_ros'
 #: Parameters of the nodes that are no settings of the perception core; a preset may hold them, offline skips them.

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from motion_detect_ros.core.config import PipelineConfig, settings
+from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError
+from motion_detect_ros.core.settings import settings, with_settings
 from motion_detect_ros.presets import NODE_PARAMETERS, find_config, load_preset, preset_names, read_parameters
 
 
@@ -64,3 +65,17 @@ def test_wrong_files_are_named_in_one_line(tmp_path: Path, text: str, words: str
 def test_unknown_presets_list_the_known_ones():
     with pytest.raises(ConfigError, match=r'moon: expected a preset \(default, kitti, visdrone\) or a YAML file'):
         load_preset('moon')
+
+
+@pytest.mark.parametrize(('values', 'words'), [
+    ({'art2.initial_neurons': 30}, r'art2.initial_neurons: expected at most art2.max_neurons \(25\), got 30'),
+    ({'tracks.confirm_hits': 7}, r'tracks.confirm_hits: expected at most tracks.confirm_frames \(6\), got 7'),
+])
+def test_settings_that_contradict_each_other_are_refused(values: dict[str, int], words: str):
+    with pytest.raises(ConfigError, match=words):
+        with_settings(PipelineConfig(), values)
+
+
+def test_settings_are_checked_together_not_one_by_one():
+    config = with_settings(PipelineConfig(), {'art2.initial_neurons': 30, 'art2.max_neurons': 40})
+    assert (config.art2.initial_neurons, config.art2.max_neurons) == (30, 40)

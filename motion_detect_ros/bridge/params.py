@@ -14,8 +14,9 @@ from rclpy.exceptions import (
 )
 from rclpy.node import Node
 
-from motion_detect_ros.core.config import PipelineConfig, Scalar, settings, with_settings
+from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError
+from motion_detect_ros.core.settings import Scalar, settings, with_settings
 from motion_detect_ros.presets import NODE_PARAMETERS
 
 _REFUSED = (InvalidParameterException, InvalidParameterTypeException, InvalidParameterValueException,

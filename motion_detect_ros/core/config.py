@@ -1,28 +1,15 @@
 """Every setting of the perception core, as frozen dataclasses.
 
-A field carries its description, unit and range in its metadata; ROS parameters, YAML presets and the
-documentation are made by walking these classes, so there is one place to change a setting.
+ROS parameters, YAML presets and the documentation are made by walking these classes (``core.settings``), so there is
+one place to change a setting.
 """
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 from motion_detect_ros.core.errors import ConfigError
-
-Scalar = bool | int | float | str
-
-
-def setting(
-    default: Scalar, doc: str, *, low: float | None = None, high: float | None = None,
-    unit: str = '', choices: tuple[str, ...] = (),
-) -> Any:
-    """A dataclass field with description, unit and allowed values in its metadata."""
-    return field(default=default, metadata={
-        'doc': doc, 'low': low, 'high': high, 'unit': unit, 'choices': choices})
+from motion_detect_ros.core.settings import setting
 
 
 @dataclass(frozen=True)
@@ -96,6 +83,11 @@ class Art2Config:
     forget_frames: int = setting(
         10, 'a neuron that wins nothing for this long is forgotten', low=1, high=1000, unit='frames')
 
+    def __post_init__(self) -> None:
+        if self.initial_neurons > self.max_neurons:
+            raise ConfigError(f'art2.initial_neurons: expected at most art2.max_neurons ({self.max_neurons}), '
+                              f'got {self.initial_neurons}')
+
 
 @dataclass(frozen=True)
 class ObjectsConfig:
@@ -131,6 +123,11 @@ class TracksConfig:
         0.0, 'a confirmed track is reported while its evidence is at least this', low=-100.0, high=100.0)
     coast_frames: int = setting(3, 'frames a confirmed track lives without detection', low=0, high=100)
 
+    def __post_init__(self) -> None:
+        if self.confirm_hits > self.confirm_frames:
+            raise ConfigError(f'tracks.confirm_hits: expected at most tracks.confirm_frames ({self.confirm_frames}), '
+                              f'got {self.confirm_hits}')
+
 
 @dataclass(frozen=True)
 class PipelineConfig:
@@ -143,48 +140,3 @@ class PipelineConfig:
     art2: Art2Config = Art2Config()
     objects: ObjectsConfig = ObjectsConfig()
     tracks: TracksConfig = TracksConfig()
-
-
-def settings(config: Any, prefix: str = '') -> Iterator[tuple[str, Scalar, Mapping[str, Any]]]:
-    """Walk a config: yields (dotted name, value, metadata) of every leaf, in declaration order."""
-    for item in dataclasses.fields(config):
-        value = getattr(config, item.name)
-        if dataclasses.is_dataclass(value):
-            yield from settings(value, f'{prefix}{item.name}.')
-        else:
-            yield f'{prefix}{item.name}', value, item.metadata
-
-
-def with_settings(config: PipelineConfig, values: Mapping[str, Any]) -> PipelineConfig:
-    """A copy of ``config`` with the dotted names in ``values`` replaced.
-
-    Raises: ConfigError for an unknown name, a wrong type or a value outside its range.
-    """
-    known = {name: (value, metadata) for name, value, metadata in settings(config)}
-    for name, value in values.items():
-        if name not in known:
-            raise ConfigError(f'unknown setting {name!r}; known: {", ".join(sorted(known))}')
-        config = _replace(config, name.split('.'), _checked(name, value, *known[name]))
-    return config
-
-
-def _replace(node: Any, path: list[str], value: Scalar) -> Any:
-    head, *rest = path
-    new = _replace(getattr(node, head), rest, value) if rest else value
-    return dataclasses.replace(node, **{head: new})
-
-
-def _checked(name: str, value: Any, default: Scalar, metadata: Mapping[str, Any]) -> Scalar:
-    """``value`` as the type of ``default``, inside the range of ``metadata``."""
-    kind = type(default)
-    if kind is float and type(value) is int:
-        value = float(value)
-    if type(value) is not kind:
-        raise ConfigError(f'{name}: expected {kind.__name__}, got {type(value).__name__} {value!r}')
-    if metadata['choices'] and value not in metadata['choices']:
-        raise ConfigError(f'{name}: expected one of {", ".join(metadata["choices"])}, got {value!r}')
-    low, high = metadata['low'], metadata['high']
-    if (low is not None and not value >= low) or (high is not None and not value <= high):
-        raise ConfigError(f'{name}: expected {low} to {high}, got {value!r}')
-    checked: Scalar = value
-    return checked

@@ -20,9 +20,10 @@ import numpy as np
 import yaml
 from tqdm import tqdm
 
-from motion_detect_ros.core.config import PipelineConfig, with_settings
+from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import MotionDetectError, SourceError
 from motion_detect_ros.core.pipeline import MotionPipeline
+from motion_detect_ros.core.settings import with_settings
 from motion_detect_ros.core.types import DoubleArray
 from motion_detect_ros.presets import load_preset
 from motion_detect_ros.sources.frames import open_source

@@ -19,9 +19,10 @@ from time import perf_counter
 from tqdm import tqdm
 
 import motion_detect_ros
-from motion_detect_ros.core.config import PipelineConfig, settings
+from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import BackendError, FrameError, MotionDetectError, SourceError
 from motion_detect_ros.core.pipeline import MotionPipeline
+from motion_detect_ros.core.settings import settings
 from motion_detect_ros.presets import load_preset
 from motion_detect_ros.sources.frames import DEFAULT_FPS, FrameSource, SourceFrame, open_source
 from motion_detect_ros.tools.outputs import Percentiles, ReplayOutputs, Summary, Tally, write_summary

@@ -14,8 +14,9 @@ from sensor_msgs.msg import Image
 
 from motion_detect_ros.bridge.params import declare_config, declare_simple, unknown_parameters
 from motion_detect_ros.bridge.qos import image_qos, overridable, record_qos
-from motion_detect_ros.core.config import PipelineConfig, settings
+from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError
+from motion_detect_ros.core.settings import settings
 from motion_detect_ros.tools.live import own_domain
 
 MakeNode = Callable[..., Node]
@@ -65,8 +66,8 @@ def test_every_setting_is_declared_with_meaning_and_range_and_cannot_be_changed(
 
 
 def test_values_that_the_user_gives_are_taken(make_node: MakeNode):
-    config = declare_config(make_node(art2__vigilance=0.75, art2__max_neurons=7, ego_motion__smoothing='none'))
-    assert (config.art2.vigilance, config.art2.max_neurons, config.ego_motion.smoothing) == (0.75, 7, 'none')
+    config = declare_config(make_node(art2__vigilance=0.75, art2__max_neurons=70, ego_motion__smoothing='none'))
+    assert (config.art2.vigilance, config.art2.max_neurons, config.ego_motion.smoothing) == (0.75, 70, 'none')
     assert config.tracks == PipelineConfig().tracks
 
 

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from motion_detect_ros.core.boxes import Box, bounding_patch
-from motion_detect_ros.core.config import PipelineConfig, PreprocessingConfig, settings, with_settings
+from motion_detect_ros.core.config import PipelineConfig, PreprocessingConfig
 from motion_detect_ros.core.ego_motion import no_estimate
 from motion_detect_ros.core.errors import ConfigError, FrameError
 from motion_detect_ros.core.evidence import ImagePair, support
 from motion_detect_ros.core.optical_flow import OpticalFlowStage, total_to_residual
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.preprocessing import Preprocessor
+from motion_detect_ros.core.settings import settings, with_settings
 from motion_detect_ros.core.types import EgoMotion, EgoStatus
 
 PERIOD_NS = 40_000_000

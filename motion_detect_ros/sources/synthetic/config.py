@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from motion_detect_ros.core.config import setting
 from motion_detect_ros.core.errors import ConfigError
+from motion_detect_ros.core.settings import setting
 
 #: The camera never comes closer to the ground than this, metres: roofs must stay below the lens.
 MIN_ALTITUDE_M = 30.0
