@@ -78,7 +78,8 @@ class PreparedFrame:
     """A frame after preprocessing.
 
     ``gray``: (h, w) uint8 at the working resolution; ``scale`` = working / full resolution;
-    ``width, height``: full resolution, pixels; ``stamp_ns``: time of the source, nanoseconds.
+    ``width, height``: full resolution, pixels; ``stamp_ns``: time of the source, nanoseconds; ``mask``: (h, w), False
+    where the picture is not the scene's (text, own hull), None = all of it is.
     """
 
     gray: ByteArray
@@ -86,6 +87,7 @@ class PreparedFrame:
     width: int
     height: int
     stamp_ns: int
+    mask: BoolArray | None = None
 
 
 @dataclass(frozen=True)
