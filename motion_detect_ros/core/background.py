@@ -62,14 +62,14 @@ def _irls(design: DoubleArray, target: DoubleArray) -> tuple[DoubleArray, float]
     for _ in range(ITERATIONS):
         error = target - design @ solution
         distance = np.hypot(error[:, 0], error[:, 1])
-        sigma = _rayleigh_sigma(distance)
+        sigma = rayleigh_sigma(distance)
         weights = np.clip(1.0 - (distance / (TUKEY_C * max(sigma, 1e-3))) ** 2, 0.0, None) ** 2
         weighted = design * weights[:, None]
         solution = np.asarray(np.linalg.lstsq(weighted.T @ design, weighted.T @ target, rcond=None)[0], np.float64)
     error = target - design @ solution
-    return solution, _rayleigh_sigma(np.hypot(error[:, 0], error[:, 1]))
+    return solution, rayleigh_sigma(np.hypot(error[:, 0], error[:, 1]))
 
 
-def _rayleigh_sigma(distance: DoubleArray) -> float:
+def rayleigh_sigma(distance: DoubleArray) -> float:
     """Deviation of one component from the median length of a two-component error (median = 1.1774 sigma)."""
     return float(np.median(distance)) / 1.1774

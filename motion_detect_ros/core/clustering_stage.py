@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from motion_detect_ros.core.art2 import Art2
-from motion_detect_ros.core.background import fit_background
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.contact import bearings
 from motion_detect_ros.core.evidence import ImagePair
-from motion_detect_ros.core.flow_features import magnitude, motion_vectors
+from motion_detect_ros.core.flow_features import motion_vectors
 from motion_detect_ros.core.memory import Earlier, FrameMemory
 from motion_detect_ros.core.objects import MotionField, ObjectFinder
 from motion_detect_ros.core.optical_flow import total_to_residual
+from motion_detect_ros.core.scene_model import SceneModel
 from motion_detect_ros.core.segments import connected_segments
+from motion_detect_ros.core.static_scene import guessed_camera
 from motion_detect_ros.core.tracks import Candidate, Tracker
 from motion_detect_ros.core.types import (
     CameraModel,
@@ -37,6 +38,7 @@ class ClusteringStage:
         self._config = config
         self.camera = camera
         self._memory = FrameMemory(config.optical_flow.baseline_s)
+        self._scene = SceneModel(config.background)
         self._art2 = Art2(config.art2)
         self._finder = ObjectFinder(config.objects)
         self._tracker = Tracker(config.tracks)
@@ -49,6 +51,7 @@ class ClusteringStage:
     def reset(self) -> None:
         """Forget earlier frames, neurons and tracks; ids go on counting."""
         self._memory.reset()
+        self._scene.reset()
         self._art2.reset()
         self._tracker.reset()
 
@@ -67,13 +70,19 @@ class ClusteringStage:
     def _candidates(self, frame: PreparedFrame, earlier: Earlier, flow: FlowField) -> list[Candidate]:
         residual = total_to_residual(flow.flow, earlier.matrix, flow.width, flow.height)
         residual[:self._ignored_rows(flow)] = np.nan
-        background = fit_background(residual, self._config.background, magnitude(np.nan_to_num(flow.flow)))
+        background = self._scene.fit(flow.flow, residual, self._camera_of(flow))
         vectors = motion_vectors(residual, background)
         labels = self._art2.partial_fit(vectors.reshape(-1, 2)).reshape(vectors.shape[:2])
         segments = connected_segments(labels, self._art2.prototypes, self._config.objects.join_match)
         field = MotionField(residual, background, earlier.seconds, frame.scale)
         pair = ImagePair(frame.gray, earlier.gray, at_scale(earlier.matrix, frame.scale))
         return self._finder.find(segments, field, pair, self._art2.names)
+
+    def _camera_of(self, flow: FlowField) -> CameraModel:
+        """The calibration in the flow's pixels; a guess where there is none."""
+        if self.camera is None:
+            return guessed_camera(flow.width, flow.height, self._config.background.focal_share)
+        return self.camera.resized(flow.width, flow.height)
 
     def _ignored_rows(self, flow: FlowField) -> int:
         rows = self._config.preprocessing.ignore_top_px * flow.flow.shape[0] / flow.height

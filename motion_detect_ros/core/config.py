@@ -65,6 +65,15 @@ class OpticalFlowConfig:
 class BackgroundConfig:
     """What counts as background beyond the ego-motion, and how noisy the flow is."""
 
+    model: str = setting(
+        'auto', 'planar = one smooth surface, epipolar = static points at any depth, auto = whichever fits',
+        choices=('auto', 'planar', 'epipolar'))
+    focal_share: float = setting(
+        0.9, 'focal length where no calibration is known, share of the image width', low=0.2, high=10.0)
+    depth_noise_share: float = setting(
+        0.02, 'share of the camera-caused flow that is added to the noise, three-dimensional background',
+        low=0.0, high=1.0)
+
     noise_floor_px: float = setting(
         0.3, 'noise of the flow over the baseline is never taken to be smaller', low=0.01, high=10.0, unit='px')
     noise_share: float = setting(

@@ -72,6 +72,14 @@ class CameraModel:
     cx: float
     cy: float
 
+    def resized(self, width: int, height: int) -> CameraModel:
+        """The same camera read out at another size; pixel centres sit at whole numbers."""
+        if (width, height) == (self.width, self.height):
+            return self
+        across, down = width / self.width, height / self.height
+        return CameraModel(width, height, self.fx * across, self.fy * down,
+                           (self.cx + 0.5) * across - 0.5, (self.cy + 0.5) * down - 0.5)
+
 
 @dataclass(frozen=True)
 class PreparedFrame:

@@ -1,0 +1,74 @@
+"""Background in three dimensions: what a static point can do, and by how much each cell of the flow exceeds it.
+
+Three tests in one figure. A static point lies on its epipolar line, in front of the camera, and not below the ground;
+a cell's own motion is its distance to the part of the line that all three allow.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from motion_detect_ros.core.background import Background, rayleigh_sigma
+from motion_detect_ros.core.config import BackgroundConfig
+from motion_detect_ros.core.epipolar import CameraMotion, epipolar_lines, estimate_motion, normalised
+from motion_detect_ros.core.ground import GroundPlane, fit_ground
+from motion_detect_ros.core.types import BoolArray, CameraModel, DoubleArray, FloatArray
+from motion_detect_ros.core.warp import grid_points
+
+#: Noise of the inverse depth: of the flow, pixels, and share of itself.
+DEPTH_NOISE_PX, DEPTH_NOISE_SHARE = 0.3, 0.05
+
+
+@dataclass(frozen=True)
+class StaticScene:
+    """``background``: as for a planar scene; ``motion`` of the camera; ``ground`` where there is one."""
+
+    background: Background
+    motion: CameraMotion
+    ground: GroundPlane | None
+
+
+def guessed_camera(width: int, height: int, focal_share: float) -> CameraModel:
+    """A camera that looks along the middle of the picture, focal length a share of its width."""
+    focal = focal_share * width
+    return CameraModel(width, height, focal, focal, (width - 1) / 2.0, (height - 1) / 2.0)
+
+
+def fit_static_scene(
+    flow: FloatArray, residual: FloatArray, camera: CameraModel, config: BackgroundConfig,
+    start: CameraMotion | None = None,
+) -> StaticScene | None:
+    """Camera motion and ground from the flow; None where the flow does not determine them.
+
+    flow: (gh, gw, 2) total displacement, pixels; residual: the same with the ego-motion taken out, NaN = invalid;
+    start: camera motion of the frame before. The background is relative to the ego-motion, as ``residual`` is.
+    """
+    points = grid_points(flow.shape[0], flow.shape[1], camera.width, camera.height)
+    known = np.isfinite(residual[..., 0])
+    now, earlier = normalised(points, camera), normalised(points - flow, camera)
+    motion = estimate_motion(earlier[known], now[known], camera.fx, start)
+    if motion is None:
+        return None
+    lines = epipolar_lines(earlier, motion)
+    s = lines.position(now)
+    ground = _ground(earlier, lines.inverse_depth(s), np.hypot(*np.moveaxis(lines.towards, -1, 0)) * camera.fx,
+                     known & (now[..., 1] > 0.0))
+    least = ground.least_inverse_depth(earlier) if ground else np.zeros_like(s)
+    own = (now - lines.at(np.maximum(s, lines.from_inverse_depth(least)))) * [camera.fx, camera.fy]
+    sigma = max(config.noise_floor_px, rayleigh_sigma(np.hypot(own[..., 0], own[..., 1])[known]))
+    length = np.hypot(flow[..., 0], flow[..., 1])
+    sigma_px = sigma + config.depth_noise_share * np.nan_to_num(length)
+    background = Background((residual - own).astype(np.float32), sigma_px.astype(np.float32))
+    return StaticScene(background, motion, ground)
+
+
+def _ground(
+    earlier: DoubleArray, inverse_depth: DoubleArray, reach_px: DoubleArray, below: BoolArray,
+) -> GroundPlane | None:
+    """reach_px: (gh, gw) pixels that a cell moves for one unit of s."""
+    use = below & (inverse_depth > 0.0)
+    inverse = inverse_depth[use]
+    sigma = DEPTH_NOISE_PX / np.maximum(reach_px[use], 1e-3) + DEPTH_NOISE_SHARE * inverse + 1e-4
+    return fit_ground(earlier[use], inverse, sigma)
