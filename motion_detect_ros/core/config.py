@@ -66,8 +66,9 @@ class BackgroundConfig:
     """What counts as background beyond the ego-motion, and how noisy the flow is."""
 
     model: str = setting(
-        'auto', 'planar = one smooth surface, epipolar = static points at any depth, auto = whichever fits',
-        choices=('auto', 'planar', 'epipolar'))
+        'auto', 'planar = one smooth surface; epipolar, plane_parallax = static points at any depth, with and without '
+        'camera matrix; auto = planar or epipolar, whichever fits',
+        choices=('auto', 'planar', 'epipolar', 'plane_parallax'))
     focal_share: float = setting(
         0.9, 'focal length where no calibration is known, share of the image width', low=0.2, high=10.0)
     depth_noise_share: float = setting(

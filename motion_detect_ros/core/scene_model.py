@@ -14,6 +14,7 @@ from motion_detect_ros.core.background import Background, fit_background
 from motion_detect_ros.core.config import BackgroundConfig
 from motion_detect_ros.core.epipolar import CameraMotion
 from motion_detect_ros.core.flow_features import magnitude
+from motion_detect_ros.core.parallax import fit_parallax_background
 from motion_detect_ros.core.static_scene import fit_static_scene
 from motion_detect_ros.core.types import CameraModel, FloatArray
 
@@ -56,6 +57,8 @@ class SceneModel:
             self._decide(cost - SPACE_DIMENSION * PER_DIMENSION)  # even a perfect fit in space would not be worth it
             if not self.in_space:
                 return planar
+        if self._config.model == 'plane_parallax':
+            return fit_parallax_background(flow, residual, camera.width, camera.height, self._config) or planar
         scene = fit_static_scene(flow, residual, camera, self._config, self._motion)
         if scene is None:
             return planar
