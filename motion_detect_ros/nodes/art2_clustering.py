@@ -34,7 +34,7 @@ class Art2ClusteringNode(StageNode):
         frame = self._preprocessor.process(image, stamp_ns(header))
         records = self._stage.process(frame, replace(flow, width=frame.width, height=frame.height), ego)
         self._publisher.publish(records, header)
-        self._latest = (('objects', str(len(records))), ('neurons', str(self._stage.neurons)))
+        self._latest = (('objects', str(len(records))), ('clusters', str(self._stage.neurons)))
 
     def use_camera(self, camera: CameraModel) -> None:
         """Hand the calibration on."""
@@ -45,7 +45,7 @@ class Art2ClusteringNode(StageNode):
         self.locked(self._stage.reset)
 
     def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
-        """Objects and neurons of the latest frame."""
+        """Objects and clusters (ART2 neurons) of the latest frame."""
         return self._latest
 
 

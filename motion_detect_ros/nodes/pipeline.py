@@ -9,7 +9,7 @@ from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.stage_node import StageNode
 from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, DetectionPublisher, TopicPublisher
 from motion_detect_ros.core.pipeline import MotionPipeline
-from motion_detect_ros.core.types import ByteArray, CameraModel, StageTimes
+from motion_detect_ros.core.types import ByteArray, CameraModel
 
 
 class PipelineNode(StageNode):
@@ -17,8 +17,7 @@ class PipelineNode(StageNode):
 
     def __init__(self) -> None:
         super().__init__('pipeline')
-        self._times = StageTimes()
-        self._objects = 0
+        self._latest: tuple[tuple[str, str], ...] = ()
 
     def make_stage(self) -> None:
         """Pipeline and publishers."""
@@ -34,7 +33,11 @@ class PipelineNode(StageNode):
         self._ego_publisher.publish(result.ego, header)
         if self._flow_publisher.listeners:
             self._flow_publisher.publish(result.flow, header)
-        self._times, self._objects = result.times_ms, len(result.detections)
+        times = tuple((f'{name}_ms', f'{value:.2f}') for name, value in vars(result.times_ms).items())
+        self._latest = (
+            ('status', result.ego.status.name), ('inliers', str(result.ego.inliers)),
+            ('tracks', str(result.ego.tracks)), ('objects', str(len(result.detections))),
+            ('clusters', str(self._pipeline.neurons)), *times, ('total_ms', f'{result.times_ms.total:.2f}'))
 
     def use_camera(self, camera: CameraModel) -> None:
         """Hand the calibration on."""
@@ -45,9 +48,8 @@ class PipelineNode(StageNode):
         self.locked(self._pipeline.reset)
 
     def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
-        """Objects and stage times of the latest frame."""
-        times = tuple((f'{name}_ms', f'{value:.2f}') for name, value in vars(self._times).items())
-        return (('objects', str(self._objects)), *times)
+        """Quality of the estimate, objects, clusters and stage times of the latest frame."""
+        return self._latest
 
 
 main = main_of(PipelineNode)
