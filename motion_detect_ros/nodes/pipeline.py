@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 from motion_detect_ros.bridge.images import stamp_ns
@@ -19,9 +20,14 @@ class PipelineNode(StageNode):
         super().__init__('pipeline')
         self._latest: tuple[tuple[str, str], ...] = ()
 
+    @cached_property
+    def _pipeline(self) -> MotionPipeline:
+        """One for the life of the process, so that no id is used twice."""
+        return MotionPipeline(self.config)
+
     def make_stage(self) -> None:
-        """Pipeline and publishers."""
-        self._pipeline = MotionPipeline(self.config)
+        """Pipeline without history, publishers."""
+        self._pipeline.reset()
         self._ego_publisher = TopicPublisher(self, EGO_MOTION)
         self._flow_publisher = TopicPublisher(self, FLOW)
         self._publisher = DetectionPublisher(self)
