@@ -116,10 +116,10 @@ def test_version_is_the_same_everywhere() -> None:
     assert {manifest().findtext('version'), setup.group(1)} == {__version__}
 
 
-def imported_packages() -> set[str]:
-    """Top-level names that the package imports and that come neither from Python nor from the package."""
+def imported_packages(*folders: str) -> set[str]:
+    """Top-level names that modules in ``folders`` import and that come neither from Python nor from the package."""
     names = set()
-    for module in (REPOSITORY / PACKAGE).rglob('*.py'):
+    for module in (path for folder in folders for path in (REPOSITORY / folder).rglob('*.py')):
         for node in ast.walk(ast.parse(module.read_text(encoding='utf-8'))):
             if isinstance(node, ast.Import):
                 names |= {alias.name.split('.')[0] for alias in node.names}
@@ -137,13 +137,24 @@ def pip_requirements() -> set[str]:
     return {_IMPORT_NAMES.get(name, name) for name in names}
 
 
-def ros_requirements() -> set[str]:
-    return {str(item.text) for item in manifest().findall('exec_depend')}
+def ros_requirements(kind: str = 'exec_depend') -> set[str]:
+    """What package.xml says, by the name that is imported."""
+    return {str(item.text).removeprefix('python3-').replace('-', '_') for item in manifest().findall(kind)}
 
 
-def test_every_import_is_a_declared_dependency() -> None:
+def test_every_import_is_a_declared_dependency_and_no_package_of_ros_is_declared_in_vain() -> None:
+    imported = imported_packages(PACKAGE, 'launch')
     declared = pip_requirements() | ros_requirements()
-    assert sorted(imported_packages() - declared) == []
+    assert sorted(imported - declared) == []
+    libraries = {'numpy', 'opencv', 'scipy', 'tqdm', 'yaml'}
+    assert sorted(ros_requirements() - libraries - imported) == []
+
+
+def test_what_only_the_tests_import_is_declared_for_them() -> None:
+    own = {path.stem for path in (REPOSITORY / 'test').rglob('*.py')}
+    declared = pip_requirements() | ros_requirements() | ros_requirements('test_depend')
+    assert sorted(imported_packages('test') - own - declared) == []
+    assert 'pytest_timeout' in ros_requirements('test_depend'), 'pyproject.toml sets its option'
 
 
 def test_lock_pins_every_dependency_and_matches_what_is_tested() -> None:

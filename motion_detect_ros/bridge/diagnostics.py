@@ -15,8 +15,10 @@ from std_msgs.msg import Header
 
 #: Latest frames that rates and latencies are taken over.
 WINDOW = 200
-#: Silence after which frames no longer flow, and how long an error is worth a warning, seconds.
+#: Silence after which frames no longer flow, seconds, and in periods of a slow source.
 SILENT_S = 2.0
+SILENT_PERIODS = 3.0
+#: How long an error is worth a warning, seconds.
 RECENT_S = 10.0
 
 
@@ -24,7 +26,8 @@ RECENT_S = 10.0
 class Summary:
     """Counters of a stage: totals, and rates (Hz) and latencies (ms) over the last frames.
 
-    ``silent_s``, ``error_age_s``: since the latest input and the latest error; infinite where there was none.
+    ``period_s``: median time between inputs, NaN before the second. ``silent_s``, ``error_age_s``: since the latest
+    input and the latest error; infinite where there was none.
     """
 
     received: int
@@ -36,9 +39,23 @@ class Summary:
     latency_p50_ms: float
     latency_p95_ms: float
     stamp_age_ms: float
+    period_s: float
     silent_s: float
     error_age_s: float
     last_error: str
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What a node knows about itself beyond its counters, each a few words or empty.
+
+    ``fault``: it cannot do its work (ERROR); ``concern``: it does it badly (WARN); ``idle``: nothing is to be done
+    now, so that silence and drops mean nothing (OK).
+    """
+
+    fault: str = ''
+    concern: str = ''
+    idle: str = ''
 
 
 class StageStats:
@@ -87,6 +104,7 @@ class StageStats:
             return Summary(
                 self._received, self._processed, self._dropped, self._errors, _rate(self._arrivals, now_ns),
                 _rate(self._departures, now_ns), float(p50), float(p95), self._stamp_age_ms,
+                float(np.median(np.diff(self._arrivals))) / 1e9 if len(self._arrivals) > 1 else math.nan,
                 _seconds_since(self._arrivals[-1] if self._arrivals else None, now_ns),
                 _seconds_since(self._error_ns, now_ns), self._last_error)
 
@@ -102,23 +120,48 @@ def _rate(times_ns: deque[int], now_ns: int) -> float:
     return (len(times_ns) - 1) * 1e9 / (now_ns - times_ns[0])
 
 
-def to_diagnostics(
-    name: str, hardware_id: str, summary: Summary, stamp: Time, extra: tuple[tuple[str, str], ...] = (),
-) -> DiagnosticArray:
-    """One status: OK while frames flow, WARN for recent errors and for silence, details as key-value pairs."""
-    level, message = _judged(summary)
-    values = [KeyValue(key=key, value=value) for key, value in (*_pairs(summary), *extra)]
-    status = DiagnosticStatus(level=level, name=name, message=message, hardware_id=hardware_id, values=values)
-    return DiagnosticArray(header=Header(stamp=stamp), status=[status])
+class Reporter:
+    """Turns summaries into messages; remembers the last one, as drops count since then. Not thread-safe."""
+
+    def __init__(self, name: str, hardware_id: str) -> None:
+        self._name, self._hardware_id = name, hardware_id
+        self._dropped = 0
+
+    def report(
+        self, summary: Summary, condition: Condition, stamp: Time, extra: tuple[tuple[str, str], ...] = (),
+    ) -> DiagnosticArray:
+        """One status with every figure as a key-value pair.
+
+        ERROR for a fault; WARN for recent errors, for frames dropped since the last report, a concern and silence;
+        OK otherwise, and where the node is idle.
+        """
+        dropped, self._dropped = summary.dropped - self._dropped, summary.dropped
+        level, message = _judged(summary, condition, dropped)
+        values = [KeyValue(key=key, value=value) for key, value in (*_pairs(summary), *extra)]
+        status = DiagnosticStatus(
+            level=level, name=self._name, message=message, hardware_id=self._hardware_id, values=values)
+        return DiagnosticArray(header=Header(stamp=stamp), status=[status])
 
 
-def _judged(summary: Summary) -> tuple[bytes, str]:
+def silent(summary: Summary) -> str:
+    """In a few words how long nothing has come; empty while inputs flow at their usual pace."""
+    if summary.received == 0:
+        return 'nothing received yet'
+    usual_s = SILENT_PERIODS * summary.period_s if math.isfinite(summary.period_s) else 0.0
+    return f'nothing received for {summary.silent_s:.0f} s' if summary.silent_s > max(SILENT_S, usual_s) else ''
+
+
+def _judged(summary: Summary, condition: Condition, dropped: int) -> tuple[bytes, str]:
+    if condition.fault:
+        return DiagnosticStatus.ERROR, condition.fault
     if summary.error_age_s <= RECENT_S:
         return DiagnosticStatus.WARN, f'{summary.errors} errors, last: {summary.last_error}'
-    if summary.received == 0:
-        return DiagnosticStatus.WARN, 'nothing received yet'
-    if summary.silent_s > SILENT_S:
-        return DiagnosticStatus.WARN, f'nothing received for {summary.silent_s:.0f} s'
+    if condition.idle:
+        return DiagnosticStatus.OK, condition.idle
+    lost = f'{dropped} dropped since the last report' if dropped else ''
+    trouble = ', '.join(filter(None, (lost, condition.concern, silent(summary))))
+    if trouble:
+        return DiagnosticStatus.WARN, trouble
     return DiagnosticStatus.OK, f'{summary.rate_out_hz:.1f} Hz'
 
 

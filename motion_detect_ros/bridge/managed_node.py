@@ -11,7 +11,7 @@ from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from motion_detect_ros.bridge.diagnostics import StageStats, to_diagnostics
+from motion_detect_ros.bridge.diagnostics import Condition, Reporter, StageStats
 from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.bridge.qos import overridable
 from motion_detect_ros.core.errors import MotionDetectError, SourceError
@@ -38,8 +38,10 @@ class ManagedNode(LifecycleNode):
         self._subscriptions_made: list[Any] = []
         self._publishers_made: list[LifecyclePublisher] = []
         self._configured = False
-        self._reporter = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self.create_timer(DIAGNOSTICS_PERIOD_S, self._report)
+        self.active = False
+        self._reporter = Reporter(self.get_fully_qualified_name(), self.get_name())
+        self._reports = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self.create_timer(DIAGNOSTICS_PERIOD_S, self.report)
         self.create_service(Trigger, '~/reset', self._on_reset)
 
     def start(self) -> None:
@@ -60,6 +62,10 @@ class ManagedNode(LifecycleNode):
 
     def reset(self) -> None:
         """Forget history."""
+
+    def condition(self) -> Condition:
+        """What is not as it should be, or why nothing happens, while active."""
+        return Condition()
 
     def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
         """More key-value pairs for ``/diagnostics``."""
@@ -102,7 +108,9 @@ class ManagedNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle: working from now on."""
         super().on_activate(state)
-        return self._attempt(self.begin)
+        result = self._attempt(self.begin)
+        self.active = result == TransitionCallbackReturn.SUCCESS
+        return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle: idle from now on."""
@@ -122,25 +130,36 @@ class ManagedNode(LifecycleNode):
         self._leave()
         return super().on_shutdown(state)
 
+    def fail(self, error: Exception) -> None:
+        """Say why the node cannot work; diagnostics are ERROR until it starts again."""
+        self._failure = reason_of(error)
+        self.stats.count_error(self._failure)
+        if self.context.ok():
+            self.get_logger().error(self._failure)
+
     def _attempt(self, action: Any) -> TransitionCallbackReturn:
+        self._failure = ''
         try:
             action()
         except Exception as error:  # rclpy would swallow it
-            self._failure = reason_of(error)
-            if self.context.ok():
-                self.get_logger().error(self._failure)
-            self.stats.count_error(self._failure)
+            self.fail(error)
             return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS
 
     def _leave(self) -> None:
+        self.active = False
         self.unsubscribe()
         self.end()
 
-    def _report(self) -> None:
-        name, stamp = self.get_fully_qualified_name(), self.get_clock().now().to_msg()
-        summary = self.stats.summary(time.monotonic_ns())
-        self._reporter.publish(to_diagnostics(name, self.get_name(), summary, stamp, self.extra_diagnostics()))
+    def report(self) -> None:
+        """Publish ``/diagnostics`` now."""
+        stamp, summary = self.get_clock().now().to_msg(), self.stats.summary(time.monotonic_ns())
+        self._reports.publish(self._reporter.report(summary, self._judged(), stamp, self.extra_diagnostics()))
+
+    def _judged(self) -> Condition:
+        if self._failure:
+            return Condition(fault=self._failure)
+        return self.condition() if self.active else Condition(idle='inactive')
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self._configured:

@@ -6,7 +6,8 @@ import threading
 import time
 from collections.abc import Callable
 
-from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode, reason_of
+from motion_detect_ros.bridge.diagnostics import Condition
+from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode
 from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.core.errors import MotionDetectError
 
@@ -28,6 +29,7 @@ class SourceNode(ManagedNode):
         super().__init__(name)
         self.stopped = threading.Event()
         self._thread: threading.Thread | None = None
+        self._waiting = ''
         self._wait_for = int(declare_simple(
             self, 'wait_for_subscribers', 0, 'subscribers that an image topic must have before the start', 0, 100))
 
@@ -42,13 +44,18 @@ class SourceNode(ManagedNode):
         """
         if not self._wait_for:
             return
-        while count() < self._wait_for and not self.stopped.wait(POLL_S):
-            self.get_logger().info(f'waiting for {self._wait_for} subscribers of the images, {count()} so far',
-                                   throttle_duration_sec=WARNING_PERIOD_S, skip_first=True)
+        while (found := count()) < self._wait_for and not self.stopped.wait(POLL_S):
+            self._waiting = f'waiting for {self._wait_for} subscribers of the images, {found} so far'
+            self.get_logger().info(self._waiting, throttle_duration_sec=WARNING_PERIOD_S, skip_first=True)
         self.stopped.wait(SETTLE_S)
         deadline = time.monotonic() + FOLLOW_S
         while not followers() and time.monotonic() < deadline and not self.stopped.wait(POLL_S):
             pass
+        self._waiting = ''
+
+    def condition(self) -> Condition:
+        """Idle while it waits for subscribers."""
+        return Condition(idle=self._waiting)
 
     def begin(self) -> None:
         """Start the thread."""
@@ -69,7 +76,9 @@ class SourceNode(ManagedNode):
             self.stopped.wait(LINGER_S)
         except Exception as error:  # a dead thread would leave a process that does nothing
             if self.context.ok():
-                self.get_logger().error(reason_of(error))
+                self.fail(error)
                 self.exit_code = UNREADABLE if isinstance(error, MotionDetectError) else BROKEN
+                self.report()
+                self.stopped.wait(LINGER_S)
         if not self.stopped.is_set():
             self.finished.set_result(None)

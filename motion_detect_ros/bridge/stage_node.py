@@ -13,6 +13,7 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import Header
 
 from motion_detect_ros.bridge import transport
+from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode, reason_of
 from motion_detect_ros.bridge.params import declare_config, declare_simple, unknown_parameters
@@ -28,6 +29,8 @@ from motion_detect_ros.core.types import CameraModel
 BIG_IMAGE_BYTES = 500_000
 #: Subscriptions hold this many messages while the executor is busy; what waits longer is dropped by the mailbox.
 SUBSCRIPTION_DEPTH = 5
+#: More images than this in the mailbox are a backlog, not jitter.
+WAITING_IMAGES = 2
 
 
 class StageNode(ManagedNode):
@@ -86,6 +89,11 @@ class StageNode(ManagedNode):
             self._worker.stop()
             self._worker = None
         self._join.clear()
+
+    def condition(self) -> Condition:
+        """Lags while images pile up in the mailbox."""
+        waiting = self._worker.waiting if self._worker else 0
+        return Condition(concern=f'lags, {waiting} images wait' if waiting > WAITING_IMAGES else '')
 
     def locked(self, action: Callable[[], None]) -> None:
         """Run something between two frames."""

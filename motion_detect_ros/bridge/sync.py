@@ -12,14 +12,19 @@ class ExactJoin:
         self._names = names
         self._capacity = capacity
         self._waiting: dict[int, dict[str, Any]] = {}
+        self._latest: dict[str, int] = {}
         self.dropped = 0
 
     def add(self, name: str, stamp_ns: int, item: Any) -> tuple[Any, ...] | None:
         """All items of ``stamp_ns`` in the order of the names, once the last has come; None until then.
 
         A complete set discards sets of earlier stamps, which can only be incomplete, and counts them as dropped;
-        so do sets over ``capacity``, oldest arrival first.
+        so do sets over ``capacity``, oldest arrival first. Where the stamps of a name go back, what it said of later
+        times is of another run of the clock and must not meet the present one: it is forgotten.
         """
+        if stamp_ns < self._latest.get(name, stamp_ns):
+            self._forget_later(name, stamp_ns)
+        self._latest[name] = stamp_ns
         items = self._waiting.setdefault(stamp_ns, {})
         items[name] = item
         if len(items) == len(self._names):
@@ -32,6 +37,13 @@ class ExactJoin:
     def clear(self) -> None:
         """Forget what waits, without counting it."""
         self._waiting.clear()
+        self._latest.clear()
+
+    def _forget_later(self, name: str, stamp_ns: int) -> None:
+        for stamp, items in self._waiting.items():
+            if stamp > stamp_ns:
+                items.pop(name, None)
+        self._discard([stamp for stamp, items in self._waiting.items() if not items])
 
     def _discard(self, stamps: list[int]) -> None:
         for stamp in stamps:

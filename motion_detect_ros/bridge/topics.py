@@ -11,6 +11,7 @@ from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
 
 from motion_detect_ros.bridge.images import (
     camera_from_msg,
@@ -52,6 +53,7 @@ CLOCK = Topic('/clock', Clock, lambda ns, _: Clock(clock=stamp_of(ns)),
               lambda msg: msg.clock.sec * NANOSECONDS + msg.clock.nanosec, clock_qos)
 OVERLAY = Topic('~/overlay', Image, image_to_msg, image_from_msg, image_qos)
 OVERLAY_JPEG = Topic('~/overlay/compressed', CompressedImage, compressed_to_msg, image_from_msg, image_qos)
+MARKERS = Topic('~/markers', MarkerArray, _as_it_is, _as_it_is, record_qos)
 FLOW_COLORS = Topic('~/flow', Image, image_to_msg, image_from_msg, image_qos)
 
 

@@ -34,6 +34,12 @@ class Worker(Generic[Item]):
         if dropped:
             self._on_drop(dropped)
 
+    @property
+    def waiting(self) -> int:
+        """Items not yet taken in hand."""
+        with self._ready:
+            return len(self._waiting)
+
     def stop(self, timeout_s: float = 5.0) -> None:
         """Finish the item in hand, leave the rest, end the thread."""
         with self._ready:

@@ -31,6 +31,11 @@ class MotionPipeline:
         self._optical_flow = OpticalFlowStage(self.config)
         self._clustering = ClusteringStage(self.config, camera)
 
+    @property
+    def neurons(self) -> int:
+        """Committed ART2 neurons, the background's included."""
+        return self._clustering.neurons
+
     def process(self, image: npt.NDArray[np.uint8], stamp_ns: int) -> Result:
         """Detect what moves by itself in ``image``.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 from motion_detect_ros.bridge.images import stamp_ns
@@ -23,10 +24,15 @@ class Art2ClusteringNode(StageNode):
         super().__init__('art2_clustering')
         self._latest: tuple[tuple[str, str], ...] = ()
 
+    @cached_property
+    def _stage(self) -> ClusteringStage:
+        """One for the life of the process, so that no id is used twice."""
+        return ClusteringStage(self.config)
+
     def make_stage(self) -> None:
-        """Stage and publisher."""
+        """Stage without history, publisher."""
         self._preprocessor = Preprocessor(self.config.preprocessing)
-        self._stage = ClusteringStage(self.config)
+        self._stage.reset()
         self._publisher = DetectionPublisher(self)
 
     def work(self, header: Any, image: ByteArray, flow: FlowField, ego: EgoMotion) -> None:  # type: ignore[override]
@@ -34,7 +40,7 @@ class Art2ClusteringNode(StageNode):
         frame = self._preprocessor.process(image, stamp_ns(header))
         records = self._stage.process(frame, replace(flow, width=frame.width, height=frame.height), ego)
         self._publisher.publish(records, header)
-        self._latest = (('objects', str(len(records))), ('neurons', str(self._stage.neurons)))
+        self._latest = (('objects', str(len(records))), ('clusters', str(self._stage.neurons)))
 
     def use_camera(self, camera: CameraModel) -> None:
         """Hand the calibration on."""
@@ -45,7 +51,7 @@ class Art2ClusteringNode(StageNode):
         self.locked(self._stage.reset)
 
     def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
-        """Objects and neurons of the latest frame."""
+        """Objects and clusters (ART2 neurons) of the latest frame."""
         return self._latest
 
 

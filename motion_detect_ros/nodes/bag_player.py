@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
+from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.bridge.qos import image_qos, record_qos
 from motion_detect_ros.bridge.runner import main_of
@@ -17,6 +18,8 @@ from motion_detect_ros.sources.bags import BagReader, RawMessage, TopicInfo
 
 #: The age of a recorded stamp says nothing about the player.
 UNKNOWN_AGE_MS = float('nan')
+#: Messages this late are no longer played at the recorded pace, seconds.
+LATE_S = 0.1
 
 
 class BagPlayerNode(SourceNode):
@@ -30,8 +33,10 @@ class BagPlayerNode(SourceNode):
         wanted = str(declare_simple(self, 'topics', '', 'topics to play, separated by commas; empty = all'))
         if not self._bag:
             raise SourceError('bag_player: expected the parameter bag, e.g. -p bag:=flight.mcap')
+        self._late_s = 0.0
         with BagReader(self._bag) as reader:
             self._topics = _chosen(self._bag, reader.topics, wanted)
+            self._damaged = reader.damaged or ''
 
     def open(self) -> None:
         """Publishers for all topics of the bag whose types are installed."""
@@ -54,6 +59,13 @@ class BagPlayerNode(SourceNode):
         while self._loop and not self.stopped.is_set():
             self._play_once()
 
+    def condition(self) -> Condition:
+        """Silence is part of a recording; damage and lateness are not."""
+        late = f'{self._late_s:.1f} s behind the recording' if self._late_s > LATE_S else ''
+        concern = ', '.join(filter(None, (self._damaged, late)))
+        idle = super().condition().idle or ('' if concern else f'playing {self._bag}')
+        return Condition(concern=concern, idle=idle)
+
     def _listeners(self) -> int:
         """Of the image topic that has most."""
         return max((self._publishers_of[name].get_subscription_count() for name in self._images), default=0)
@@ -66,6 +78,7 @@ class BagPlayerNode(SourceNode):
                 due_ns = start_ns + (message.log_stamp_ns - first_ns) / self._rate
                 if self.stopped.wait(max(0.0, (due_ns - time.monotonic_ns()) / NANOSECONDS)):
                     return
+                self._late_s = (time.monotonic_ns() - due_ns) / NANOSECONDS
                 self._publish(message)
 
     def _publish(self, message: RawMessage) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+from motion_detect_ros.bridge.diagnostics import SILENT_S, Condition, silent
 from motion_detect_ros.bridge.images import camera_to_msg, header_of
 from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S
 from motion_detect_ros.bridge.params import declare_simple
@@ -34,6 +35,8 @@ class CameraNode(SourceNode):
         self._realtime = bool(declare_simple(self, 'realtime', True, 'play files at their own pace, drop late ones'))
         self._unused: Capture | None = self._opened()
         self._capture = self._unused
+        self._drops = 0
+        self._began_s = 0.0
 
     def open(self) -> None:
         """Publishers; JPEG only while someone listens to it."""
@@ -45,7 +48,7 @@ class CameraNode(SourceNode):
         """Capture and publish; a device that was let go of is opened anew."""
         self.await_subscribers(lambda: max(self._images.listeners, self._jpegs.listeners))
         capture = self._capture = self._unused or self._opened()
-        self._unused = None
+        self._unused, self._drops, self._began_s = None, 0, time.monotonic()
         with capture:
             while not self.stopped.is_set():
                 frame = capture.read(READ_TIMEOUT_S)
@@ -54,9 +57,19 @@ class CameraNode(SourceNode):
                 elif capture.ended:
                     return
 
+    def condition(self) -> Condition:
+        """A camera that gives no pictures has failed; one whose pictures are dropped is too fast for us."""
+        idle = super().condition()
+        if idle.idle:
+            return idle
+        behind = 'slower than the camera' if self._capture.stats.behind else ''
+        starting = time.monotonic() - self._began_s < SILENT_S
+        return Condition('' if starting else silent(self.stats.summary(time.monotonic_ns())), behind)
+
     def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
-        """Counts of the capture."""
-        return tuple((f'capture_{key}', str(value)) for key, value in vars(self._capture.stats).items())
+        """Counts of the capture, and how often a stream was opened anew."""
+        stats = vars(self._capture.stats)
+        return tuple((key if key == 'reconnects' else f'capture_{key}', str(value)) for key, value in stats.items())
 
     def _opened(self) -> Capture:
         return Capture(self._source, self._fps or None, self._every_nth, self._take, self._of, self._queue_size,
@@ -76,9 +89,15 @@ class CameraNode(SourceNode):
             self.bad_input(error)
         latency_ms = 1e3 * (time.perf_counter() - start)
         self.stats.count_processed(time.monotonic_ns(), latency_ms, (self.now_ns() - frame.stamp_ns) / 1e6)
+        self._count_drops()
         if self._capture.stats.behind:
             self.get_logger().warning('processing is slower than the camera: pictures are dropped',
                                       throttle_duration_sec=WARNING_PERIOD_S)
+
+    def _count_drops(self) -> None:
+        dropped = self._capture.stats.dropped
+        self.stats.count_dropped(dropped - self._drops)
+        self._drops = dropped
 
 
 main = main_of(CameraNode)

@@ -1,23 +1,29 @@
-"""``overlay``: image_raw + detections, flow -> pictures for people, only when someone looks."""
+"""``overlay``: image_raw + detections, flow -> pictures and markers for people, only when someone looks."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 
+from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.managed_node import ManagedNode
+from motion_detect_ros.bridge.markers import MarkerWriter
 from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.bridge.qos import image_qos
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.sync import ExactJoin
 from motion_detect_ros.bridge.topics import (
+    COMPRESSED,
     DETECTIONS,
     FLOW,
     FLOW_COLORS,
     IMAGE,
+    MARKERS,
     OVERLAY,
     OVERLAY_JPEG,
+    Topic,
     TopicPublisher,
 )
 from motion_detect_ros.core.drawing import draw_detections, flow_to_color
@@ -29,17 +35,20 @@ WAITING = 10
 
 
 class OverlayNode(ManagedNode):
-    """Draws boxes, ids and velocities, and flow as colour."""
+    """Draws boxes, ids and velocities, flow as colour, and bearings as markers."""
 
     def __init__(self) -> None:
         super().__init__('overlay')
         self._reliability = str(declare_simple(
             self, 'image_reliability', 'reliable', 'reliability asked of image publishers',
             choices=('reliable', 'best_effort')))
+        compressed = bool(declare_simple(
+            self, 'compressed', False, 'listen to image_raw/compressed instead of image_raw'))
+        self._image = COMPRESSED if compressed else IMAGE
         self._join = ExactJoin(('image', 'detections'), WAITING)
+        self._markers = MarkerWriter()
         self._drops = 0
-        self._watching: tuple[bool, bool] = (False, False)
-        self._active = False
+        self._heard: tuple[Topic, ...] = ()
         self.create_timer(LOOK_PERIOD_S, self._look)
 
     def open(self) -> None:
@@ -47,66 +56,86 @@ class OverlayNode(ManagedNode):
         self._overlay = TopicPublisher(self, OVERLAY)
         self._jpeg = TopicPublisher(self, OVERLAY_JPEG)
         self._colors = TopicPublisher(self, FLOW_COLORS)
-
-    def begin(self) -> None:
-        """Work when someone looks."""
-        self._active = True
+        self._rays = TopicPublisher(self, MARKERS)
 
     def end(self) -> None:
         """Listen to nothing."""
-        self._active, self._watching = False, (False, False)
+        self._heard = ()
+        self._join.clear()
 
     def reset(self) -> None:
         """Forget images that wait."""
         self._join.clear()
 
+    def condition(self) -> Condition:
+        """Idle while nobody looks, or what is to be shown does not exist yet."""
+        absent = [topic.name for topic in self._heard if not self.count_publishers(self.resolve_topic_name(topic.name))]
+        waits = f'no publisher of {", ".join(absent)} yet' if absent else ''
+        return Condition(idle=waits if self._heard else 'nobody looks')
+
     def _look(self) -> None:
-        if not self._active:
+        if not self.active:
             return
-        wanted = (self._overlay.listeners + self._jpeg.listeners > 0, self._colors.listeners > 0)
-        if wanted == self._watching:
+        if not self._rays.listeners:
+            self._markers.clear()
+        wanted = self._wanted()
+        if wanted == self._heard:
             return
         self.unsubscribe()
-        self._watching = wanted
+        self._join.clear()
+        self._heard = wanted
         quality = image_qos(self._reliability)
-        if wanted[0]:
-            self.subscribe(IMAGE.kind, IMAGE.name, lambda msg: self._on_input('image', msg), quality)
-            self.subscribe(DETECTIONS.kind, DETECTIONS.name, lambda msg: self._on_input('detections', msg),
-                           DETECTIONS.qos())
-        if wanted[1]:
+        if self._image in wanted:
+            self.subscribe(self._image.kind, self._image.name, self._on_image, quality)
+        if DETECTIONS in wanted:
+            self.subscribe(DETECTIONS.kind, DETECTIONS.name, self._on_detections, DETECTIONS.qos())
+        if FLOW in wanted:
             self.subscribe(FLOW.kind, FLOW.name, self._on_flow, quality)
 
-    def _on_input(self, name: str, msg: Any) -> None:
-        if name == 'image':
+    def _wanted(self) -> tuple[Topic, ...]:
+        pictures = self._overlay.listeners + self._jpeg.listeners > 0
+        return tuple(topic for topic, wanted in (
+            (self._image, pictures), (DETECTIONS, pictures or self._rays.listeners > 0),
+            (FLOW, self._colors.listeners > 0)) if wanted)
+
+    def _on_image(self, msg: Any) -> None:
+        self.stats.count_received(time.monotonic_ns())
+        self._join_with('image', msg)
+
+    def _on_detections(self, msg: Any) -> None:
+        if self._image in self._heard:
+            self._join_with('detections', msg)
+        if self._rays.listeners:
             self.stats.count_received(time.monotonic_ns())
+            self._show(lambda: self._rays.publish(self._markers.message(DETECTIONS.from_msg(msg), msg.header)), msg)
+
+    def _on_flow(self, msg: Any) -> None:
+        self.stats.count_received(time.monotonic_ns())
+        self._show(lambda: self._colors.publish(flow_to_color(FLOW.from_msg(msg).flow), msg.header), msg)
+
+    def _join_with(self, name: str, msg: Any) -> None:
         messages = self._join.add(name, stamp_ns(msg.header), msg)
-        self._count_drops()
-        if not messages:
-            return
-        try:
-            self._draw(*messages)
-        except MotionDetectError as error:
-            self.bad_input(error)
+        self.stats.count_dropped(self._join.dropped - self._drops)
+        self._drops = self._join.dropped
+        if messages:
+            self._show(lambda: self._draw(*messages), messages[0])
 
     def _draw(self, image: Any, detections: Any) -> None:
-        start = time.perf_counter()
-        picture = draw_detections(IMAGE.from_msg(image), DETECTIONS.from_msg(detections))
+        picture = draw_detections(self._image.from_msg(image), DETECTIONS.from_msg(detections))
         for publisher in (self._overlay, self._jpeg):
             if publisher.listeners:
                 publisher.publish(picture, image.header)
-        latency_ms = 1e3 * (time.perf_counter() - start)
-        self.stats.count_processed(time.monotonic_ns(), latency_ms, (self.now_ns() - stamp_ns(image.header)) / 1e6)
 
-    def _count_drops(self) -> None:
-        if self._join.dropped > self._drops:
-            self.stats.count_dropped(self._join.dropped - self._drops)
-            self._drops = self._join.dropped
-
-    def _on_flow(self, msg: Any) -> None:
+    def _show(self, action: Callable[[], None], msg: Any) -> None:
+        """Runs ``action`` on what ``msg`` brought; an input that cannot be shown costs itself only."""
+        start = time.perf_counter()
         try:
-            self._colors.publish(flow_to_color(FLOW.from_msg(msg).flow), msg.header)
+            action()
         except MotionDetectError as error:
             self.bad_input(error)
+            return
+        latency_ms = 1e3 * (time.perf_counter() - start)
+        self.stats.count_processed(time.monotonic_ns(), latency_ms, (self.now_ns() - stamp_ns(msg.header)) / 1e6)
 
 
 main = main_of(OverlayNode)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 from motion_detect_ros.bridge.images import stamp_ns
@@ -9,7 +10,7 @@ from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.stage_node import StageNode
 from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, DetectionPublisher, TopicPublisher
 from motion_detect_ros.core.pipeline import MotionPipeline
-from motion_detect_ros.core.types import ByteArray, CameraModel, StageTimes
+from motion_detect_ros.core.types import ByteArray, CameraModel
 
 
 class PipelineNode(StageNode):
@@ -17,12 +18,16 @@ class PipelineNode(StageNode):
 
     def __init__(self) -> None:
         super().__init__('pipeline')
-        self._times = StageTimes()
-        self._objects = 0
+        self._latest: tuple[tuple[str, str], ...] = ()
+
+    @cached_property
+    def _pipeline(self) -> MotionPipeline:
+        """One for the life of the process, so that no id is used twice."""
+        return MotionPipeline(self.config)
 
     def make_stage(self) -> None:
-        """Pipeline and publishers."""
-        self._pipeline = MotionPipeline(self.config)
+        """Pipeline without history, publishers."""
+        self._pipeline.reset()
         self._ego_publisher = TopicPublisher(self, EGO_MOTION)
         self._flow_publisher = TopicPublisher(self, FLOW)
         self._publisher = DetectionPublisher(self)
@@ -34,7 +39,11 @@ class PipelineNode(StageNode):
         self._ego_publisher.publish(result.ego, header)
         if self._flow_publisher.listeners:
             self._flow_publisher.publish(result.flow, header)
-        self._times, self._objects = result.times_ms, len(result.detections)
+        times = tuple((f'{name}_ms', f'{value:.2f}') for name, value in vars(result.times_ms).items())
+        self._latest = (
+            ('status', result.ego.status.name), ('inliers', str(result.ego.inliers)),
+            ('tracks', str(result.ego.tracks)), ('objects', str(len(result.detections))),
+            ('clusters', str(self._pipeline.neurons)), *times, ('total_ms', f'{result.times_ms.total:.2f}'))
 
     def use_camera(self, camera: CameraModel) -> None:
         """Hand the calibration on."""
@@ -45,9 +54,8 @@ class PipelineNode(StageNode):
         self.locked(self._pipeline.reset)
 
     def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
-        """Objects and stage times of the latest frame."""
-        times = tuple((f'{name}_ms', f'{value:.2f}') for name, value in vars(self._times).items())
-        return (('objects', str(self._objects)), *times)
+        """Quality of the estimate, objects, clusters and stage times of the latest frame."""
+        return self._latest
 
 
 main = main_of(PipelineNode)

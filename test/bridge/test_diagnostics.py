@@ -9,7 +9,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from motion_detect_ros.bridge.diagnostics import StageStats, to_diagnostics
+from motion_detect_ros.bridge.diagnostics import Condition, Reporter, StageStats
 
 SECOND = 1_000_000_000
 
@@ -56,12 +56,26 @@ def test_no_count_is_lost_between_threads():
     assert (summary.received, summary.processed, summary.dropped, summary.errors) == (8000, 8000, 16000, 8000)
 
 
-def status(stats: StageStats, now_s: float, extra: tuple[tuple[str, str], ...] = ()) -> DiagnosticStatus:
-    message = to_diagnostics('/front/flow', 'flow', stats.summary(round(now_s * SECOND)), Time(sec=3, nanosec=4), extra)
+def status(
+    stats: StageStats, now_s: float, extra: tuple[tuple[str, str], ...] = (), condition: Condition | None = None,
+    reporter: Reporter | None = None,
+) -> DiagnosticStatus:
+    reporter = reporter or Reporter('/front/flow', 'flow')
+    summary = stats.summary(round(now_s * SECOND))
+    message = reporter.report(summary, condition or Condition(), Time(sec=3, nanosec=4), extra)
     assert isinstance(message, DiagnosticArray)
     assert message.header.stamp == Time(sec=3, nanosec=4)
     assert len(message.status) == 1
     return message.status[0]
+
+
+def flowing(seconds: float, hz: float = 10.0) -> StageStats:
+    """Inputs and outputs at a steady rate from 0 s on."""
+    stats = StageStats()
+    for index in range(round(seconds * hz) + 1):
+        stats.count_received(round(index * SECOND / hz))
+        stats.count_processed(round(index * SECOND / hz), 1.0, 1.0)
+    return stats
 
 
 def test_status_names_its_node_and_carries_every_figure_as_text():
@@ -77,14 +91,44 @@ def test_status_names_its_node_and_carries_every_figure_as_text():
 
 
 def test_level_follows_what_happens():
-    stats = StageStats()
-    assert (status(stats, 0.0).level, status(stats, 0.0).message) == (DiagnosticStatus.WARN, 'nothing received yet')
-    for index in range(11):
-        stats.count_received(index * SECOND // 10)
-        stats.count_processed(index * SECOND // 10, 1.0, 1.0)
+    empty = status(StageStats(), 0.0)
+    assert (empty.level, empty.message) == (DiagnosticStatus.WARN, 'nothing received yet')
+    stats = flowing(1.0)
     assert (status(stats, 1.0).level, status(stats, 1.0).message) == (DiagnosticStatus.OK, '10.0 Hz')
     silent = status(stats, 6.0)
     assert (silent.level, silent.message) == (DiagnosticStatus.WARN, 'nothing received for 5 s')
+
+
+def test_slow_sources_are_not_silent_between_two_pictures():
+    stats = flowing(20.0, 0.2)
+    assert status(stats, 34.0).level == DiagnosticStatus.OK
+    assert status(stats, 36.0).message == 'nothing received for 16 s'
+
+
+def test_drops_warn_in_the_report_after_them_and_not_for_ever():
+    stats, reporter = flowing(5.0), Reporter('/front/flow', 'flow')
+    stats.count_dropped(3)
+    first, second = (status(stats, 5.0, reporter=reporter) for _ in range(2))
+    assert (first.level, first.message) == (DiagnosticStatus.WARN, '3 dropped since the last report')
+    assert second.level == DiagnosticStatus.OK
+    stats.count_dropped()
+    again = status(stats, 5.0, reporter=reporter, condition=Condition(concern='lags'))
+    assert (again.level, again.message) == (DiagnosticStatus.WARN, '1 dropped since the last report, lags')
+    assert {pair.key: pair.value for pair in again.values}['dropped'] == '4'
+
+
+def test_a_fault_is_an_error_whatever_else():
+    failed = status(flowing(1.0), 1.0, condition=Condition(fault='camera 0: gone', idle='inactive'))
+    assert (failed.level, failed.message) == (DiagnosticStatus.ERROR, 'camera 0: gone')
+
+
+def test_an_idle_node_neither_misses_inputs_nor_drops_but_errors_count():
+    idle, stats = Condition(idle='nobody looks'), StageStats()
+    stats.count_dropped()
+    found = status(stats, 60.0, condition=idle)
+    assert (found.level, found.message) == (DiagnosticStatus.OK, 'nobody looks')
+    stats.count_error('bad', 59 * SECOND)
+    assert status(stats, 60.0, condition=idle).level == DiagnosticStatus.WARN
 
 
 def test_an_error_warns_for_a_while_and_not_for_ever():

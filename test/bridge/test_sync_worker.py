@@ -14,8 +14,8 @@ from motion_detect_ros.bridge.worker import Worker
 def test_joins_by_equal_stamps_in_the_order_of_the_names():
     join = ExactJoin(('image', 'flow'), 4)
     assert join.add('flow', 10, 'f10') is None
-    assert join.add('image', 11, 'i11') is None
     assert join.add('image', 10, 'i10') == ('i10', 'f10')
+    assert join.add('image', 11, 'i11') is None
     assert join.add('flow', 11, 'f11') == ('i11', 'f11')
     assert join.dropped == 0
 
@@ -67,6 +67,27 @@ def test_after_the_stamps_jump_back_sets_complete_again():
         assert join.add('flow', stamp, f'f{stamp}') == (f'i{stamp}', f'f{stamp}')
     join.clear()
     assert join.add('flow', 102, 'f') is None
+
+
+def test_after_a_jump_back_nothing_of_the_earlier_run_meets_the_present_one():
+    join = ExactJoin(('image', 'flow'), 10)
+    for stamp in (3, 4):
+        join.add('image', stamp, f'old i{stamp}')
+    join.add('flow', 5, 'old f5')
+    for stamp in (1, 2, 3, 4, 5):
+        assert join.add('flow', stamp, f'f{stamp}') is None
+        assert join.add('image', stamp, f'i{stamp}') == (f'i{stamp}', f'f{stamp}')
+
+
+def test_what_the_other_topic_said_before_its_own_jump_is_forgotten_with_it():
+    join = ExactJoin(('image', 'flow'), 10)
+    join.add('image', 9, 'old')
+    join.add('image', 1, 'i1')
+    assert (join.dropped, join.add('flow', 8, 'late f8')) == (1, None)
+    assert join.add('flow', 1, 'f1') == ('i1', 'f1')
+    assert join.dropped == 2
+    assert join.add('image', 8, 'i8') is None
+    assert join.add('flow', 8, 'f8') == ('i8', 'f8')
 
 
 @given(st.lists(st.tuples(st.sampled_from('abc'), st.integers(0, 12)), max_size=200), st.integers(1, 6))

@@ -28,29 +28,29 @@ def peer(monkeypatch: pytest.MonkeyPatch) -> Iterator[Peer]:
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[bytes]]]:
-    """``start(node, *ros_arguments)`` runs a node as a process; every one still running must end cleanly."""
-    running: list[tuple[subprocess.Popen[bytes], Path]] = []
+    """``start(node, *ros_arguments)`` runs a node as a process; every one must end cleanly, with its ``code``."""
+    running: list[tuple[subprocess.Popen[bytes], Path, int]] = []
 
-    def begin(node: str, *arguments: str) -> subprocess.Popen[bytes]:
+    def begin(node: str, *arguments: str, code: int = 0) -> subprocess.Popen[bytes]:
         variables = {**environment(), 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
                      'ROS_HOME': str(tmp_path)}
         log = tmp_path / f'{node}.log'
         command = [sys.executable, '-m', f'motion_detect_ros.nodes.{node}', '--ros-args', *arguments]
         with log.open('wb') as output:
             process = subprocess.Popen(command, env=variables, stdout=output, stderr=subprocess.STDOUT)
-        running.append((process, log))
+        running.append((process, log, code))
         return process
 
     yield begin
-    for process, _ in running:
+    for process, _, _ in running:
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
-    for process, log in running:
+    for process, log, expected in running:
         try:
             code = process.wait(15.0)
         except subprocess.TimeoutExpired:
             process.kill()
             raise
         printed = log.read_text(errors='replace')
-        assert code == 0, printed
+        assert code == expected, printed
         assert 'Traceback' not in printed, printed

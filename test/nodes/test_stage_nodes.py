@@ -58,14 +58,14 @@ def test_answers_carry_stamp_and_frame_of_their_image(peer, start):
     np.testing.assert_allclose(np.nanmedian(flow, axis=(0, 1)), (-2.0, 0.0), atol=0.1)
 
 
+def change(peer, node: str, transition: int) -> None:
+    assert peer.call(ChangeState, f'/{node}/change_state', transition=Transition(id=transition)).success
+
+
 def test_lifecycle_waits_works_rests_and_works_again(peer, start):
     start('ego_motion', *small('autostart:=false'))
     answers = peer.listen(PointCloud2, 'ego_motion')
     publisher = peer.speak(Image, 'image_raw')
-
-    def change(transition: int) -> None:
-        answer = peer.call(ChangeState, '/ego_motion/change_state', transition=Transition(id=transition))
-        assert answer.success
 
     def state() -> int:
         return peer.call(GetState, '/ego_motion/get_state').current_state.id
@@ -74,17 +74,17 @@ def test_lifecycle_waits_works_rests_and_works_again(peer, start):
     assert not peer.call(Trigger, '/ego_motion/reset').success
     assert peer.node.count_subscribers('image_raw') == 0
     for _ in range(2):
-        change(Transition.TRANSITION_CONFIGURE)
+        change(peer, 'ego_motion', Transition.TRANSITION_CONFIGURE)
         assert state() == State.PRIMARY_STATE_INACTIVE
         assert peer.until(lambda: peer.node.count_publishers('ego_motion') == 1)
-        change(Transition.TRANSITION_ACTIVATE)
+        change(peer, 'ego_motion', Transition.TRANSITION_ACTIVATE)
         assert ready(peer, 'image_raw')
         play(peer, publisher, answers, range(3))
         assert [ego_from_msg(m).status for m in answers] == [EgoStatus.FIRST_FRAME, EgoStatus.OK, EgoStatus.OK]
         answers.clear()
-        change(Transition.TRANSITION_DEACTIVATE)
+        change(peer, 'ego_motion', Transition.TRANSITION_DEACTIVATE)
         assert peer.until(lambda: peer.node.count_subscribers('image_raw') == 0)
-        change(Transition.TRANSITION_CLEANUP)
+        change(peer, 'ego_motion', Transition.TRANSITION_CLEANUP)
         assert state() == State.PRIMARY_STATE_UNCONFIGURED
         assert peer.until(lambda: peer.node.count_publishers('ego_motion') == 0)
 
@@ -106,6 +106,24 @@ def test_reset_forgets_the_past_and_no_id_comes_twice(peer, start):
     after = {int(i) for m in answers for i in read_detections(m)['id']}
     assert after
     assert not before & after
+
+
+def test_no_id_comes_twice_after_clean_up(peer, start):
+    start('pipeline', *small())
+    answers, egos = peer.listen(PointCloud2, 'detections'), peer.listen(PointCloud2, 'ego_motion')
+    publisher = peer.speak(Image, 'image_raw')
+    assert ready(peer, 'image_raw')
+    play(peer, publisher, answers, range(FRAMES))
+    before = {int(i) for m in answers for i in read_detections(m)['id']}
+    for name in ('DEACTIVATE', 'CLEANUP', 'CONFIGURE', 'ACTIVATE'):
+        change(peer, 'pipeline', getattr(Transition, f'TRANSITION_{name}'))
+    answers.clear()
+    egos.clear()
+    assert ready(peer, 'image_raw')
+    play(peer, publisher, answers, range(FRAMES))
+    after = {int(i) for m in answers for i in read_detections(m)['id']}
+    assert ego_from_msg(egos[0]).status == EgoStatus.FIRST_FRAME
+    assert (len(before), len(after), len(before & after)) == (1, 1, 0)
 
 
 def test_time_that_jumps_back_is_a_new_start_with_its_label(peer, start):

@@ -1,0 +1,65 @@
+"""Rays for RViz: where they point, what they say, and that they go away."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from std_msgs.msg import Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from motion_detect_ros.bridge.markers import MarkerWriter
+from motion_detect_ros.core.types import empty_detections
+
+HEADER = Header(frame_id='eye')
+
+
+def objects(*ids: int, ttc: float = np.nan) -> np.ndarray:
+    """Straight ahead, one to the right of it (3-4-5 triangle)."""
+    records = empty_detections(len(ids))
+    records['id'], records['ttc'] = ids, ttc
+    records['bearing_x'], records['bearing_y'], records['bearing_z'] = 0.6, 0.0, 0.8
+    return records
+
+
+def said(message: MarkerArray) -> list[tuple[int, str, int]]:
+    return [(marker.action, marker.ns, marker.id) for marker in message.markers]
+
+
+def test_a_ray_of_one_metre_along_the_bearing_with_its_label():
+    message = MarkerWriter().message(objects(7, ttc=2.34), HEADER)
+    arrow, label = message.markers
+    assert said(message) == [(Marker.ADD, 'bearing', 7), (Marker.ADD, 'label', 7)]
+    assert (arrow.type, label.type) == (Marker.ARROW, Marker.TEXT_VIEW_FACING)
+    start, tip = arrow.points
+    assert (start.x, start.y, start.z) == (0.0, 0.0, 0.0)
+    assert (tip.x, tip.y, tip.z) == pytest.approx((0.6, 0.0, 0.8))
+    assert label.text == '7: 2.3 s'
+    assert label.pose.position.z > tip.z  # behind the tip, not on it
+    assert arrow.pose.orientation.w == 1.0
+    assert arrow.color.a == label.color.a == 1.0
+    assert arrow.header == label.header == HEADER
+
+
+@pytest.mark.parametrize('ttc', [np.nan, np.inf])
+def test_unknown_and_endless_times_are_not_written(ttc: float):
+    assert MarkerWriter().message(objects(7, ttc=ttc), HEADER).markers[1].text == '7'
+
+
+def test_vanished_objects_are_deleted_once():
+    writer = MarkerWriter()
+    writer.message(objects(1, 2), HEADER)
+    assert said(writer.message(objects(2), HEADER)) == [
+        (Marker.ADD, 'bearing', 2), (Marker.ADD, 'label', 2),
+        (Marker.DELETE, 'bearing', 1), (Marker.DELETE, 'label', 1)]
+    assert said(writer.message(objects(2), HEADER)) == [(Marker.ADD, 'bearing', 2), (Marker.ADD, 'label', 2)]
+    writer.clear()
+    assert said(writer.message(objects(), HEADER)) == []
+
+
+def test_without_calibration_there_are_no_rays():
+    assert MarkerWriter().message(empty_detections(2), HEADER).markers == []
+
+
+def test_ids_over_int32_fit():
+    (arrow, _), = [MarkerWriter().message(objects(2**31 + 5), HEADER).markers]
+    assert arrow.id == 5

@@ -1,0 +1,185 @@
+"""What nodes say of their own health on /diagnostics while things go well, badly, or not at all."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import cv2
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from peers import Peer, image_message, picture, ready, small
+from sensor_msgs.msg import CompressedImage, Image, PointCloud2
+
+from motion_detect_ros.sources.bags import BagWriter
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+class Health:
+    """The reports of one node, latest last."""
+
+    def __init__(self, peer: Peer) -> None:
+        self._peer = peer
+        self._heard = peer.listen(DiagnosticArray, '/diagnostics')
+
+    @property
+    def reports(self) -> list[tuple[bytes, str]]:
+        return [(message.status[0].level, message.status[0].message) for message in self._heard]
+
+    def next(self, count: int = 1) -> list[tuple[bytes, str]]:
+        """The reports that come from now on."""
+        before = len(self._heard)
+        assert self._peer.until(lambda: len(self._heard) >= before + count)
+        return self.reports[before:before + count]
+
+    def says(self, level: bytes, words: str, timeout_s: float = 20.0) -> bool:
+        """Whether such a report comes in time."""
+        return self._peer.until(lambda: any(
+            found == level and words in text for found, text in self.reports), timeout_s)
+
+    def values(self) -> dict[str, str]:
+        return {pair.key: pair.value for pair in self._heard[-1].status[0].values}
+
+
+def test_overlay_that_nobody_looks_at_or_has_nothing_to_show_is_fine(peer, start):
+    start('overlay')
+    health = Health(peer)
+    assert health.next(2) == [(OK, 'nobody looks')] * 2
+    peer.listen(Image, '/overlay/overlay')
+    assert peer.until(lambda: peer.node.count_subscribers('image_raw') == 1)
+    assert health.next(2)[1] == (OK, 'no publisher of image_raw, detections yet')
+    publisher = peer.speak(Image, 'image_raw')
+    assert health.says(OK, 'no publisher of detections yet')
+    peer.speak(PointCloud2, 'detections')
+    assert ready(peer, 'image_raw')
+    publisher.publish(image_message(0))
+    assert health.says(WARN, 'nothing received for 3 s')
+
+
+def test_stage_warns_while_it_drops_and_recovers(peer, start):
+    start('pipeline', *small('queue_size:=1'))
+    answers, health = peer.listen(PointCloud2, 'detections'), Health(peer)
+    publisher = peer.speak(Image, 'image_raw')
+    assert ready(peer, 'image_raw')
+    for index in range(12):  # as fast as they go: faster than any machine computes them
+        publisher.publish(image_message(index))
+    assert health.says(WARN, 'dropped since the last report')
+    dropped = int(health.values()['dropped'])
+    assert 0 < dropped <= 11
+    assert peer.until(lambda: len(answers) == 12 - dropped)
+
+    def calm() -> bool:
+        publisher.publish(image_message(len(answers)))
+        peer.until(lambda: False, 0.3)
+        return health.reports[-1][0] == OK
+
+    assert peer.until(calm, 15.0)
+    assert health.values()['dropped'] == str(dropped)
+
+
+def test_stage_with_a_long_queue_says_that_it_lags(peer, start):
+    start('pipeline', '-p', 'queue_size:=200', '-p', 'compressed:=true', '-p', 'preprocessing.max_width_px:=1280')
+    health = Health(peer)
+    publisher = peer.speak(CompressedImage, 'image_raw/compressed')
+    assert ready(peer, 'image_raw/compressed')
+    _, jpeg = cv2.imencode('.jpg', cv2.resize(picture(0), (1280, 960)))
+    large = CompressedImage(format='jpeg', data=jpeg.tobytes())
+
+    def said() -> bool:
+        large.header.stamp.nanosec += 1_000_000
+        publisher.publish(large)
+        return any(level == WARN and 'images wait' in text for level, text in health.reports)
+
+    assert peer.until(said, 10.0)
+
+
+def test_values_name_what_a_stage_sees(peer, start):
+    start('pipeline', *small())
+    answers, health = peer.listen(PointCloud2, 'detections'), Health(peer)
+    publisher = peer.speak(Image, 'image_raw')
+    assert ready(peer, 'image_raw')
+    for index in range(3):
+        publisher.publish(image_message(index))
+        assert peer.until(lambda index=index: len(answers) > index)
+    health.next()
+    values = health.values()
+    assert values['status'] == 'OK'
+    assert 0 < int(values['inliers']) <= int(values['tracks'])
+    assert 1 <= int(values['clusters']) <= 25
+    assert values['last_error'] == ''
+    wanted = {'rate_in_hz', 'rate_out_hz', 'dropped', 'latency_p50_ms', 'latency_p95_ms', 'stamp_age_ms', 'total_ms'}
+    assert all(np.isfinite(float(values[key])) for key in wanted)
+
+
+def test_inactive_node_is_fine(peer, start):
+    start('ego_motion', *small('autostart:=false'))
+    assert Health(peer).next() == [(OK, 'inactive')]
+
+
+class Stalling(BaseHTTPRequestHandler):
+    """An MJPEG stream that says nothing after 40 pictures, then ends and can be asked again."""
+
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.send_header('Content-Type', 'multipart/x-mixed-replace; boundary=frame')
+        self.end_headers()
+        for index in range(40):
+            _, data = cv2.imencode('.jpg', picture(index))
+            self.wfile.write(b'--frame\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n' % data.size)
+            self.wfile.write(data.tobytes() + b'\r\n')
+            time.sleep(0.03)
+        time.sleep(3.5)
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@pytest.fixture
+def stream() -> Iterator[str]:
+    with ThreadingHTTPServer(('127.0.0.1', 0), Stalling) as server:
+        server.daemon_threads = True
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f'http://127.0.0.1:{server.server_port}/stream.mjpg'
+        server.shutdown()
+
+
+def test_camera_whose_stream_stalls_is_in_error_until_it_is_back(peer, start, stream):
+    health = Health(peer)
+    start('camera', '-p', f'source:={stream}')
+    assert health.says(OK, 'Hz')
+    assert health.says(ERROR, 'nothing received for 3 s')
+    assert peer.until(lambda: health.values()['reconnects'] == '1', 20.0)
+    seen = len(health.reports)
+    assert peer.until(lambda: OK in [level for level, _ in health.reports[seen:]], 10.0)
+
+
+def test_player_waits_plays_and_says_why_it_ends(peer, start, tmp_path):
+    bag = tmp_path / 'flight.mcap'
+    with BagWriter(bag) as writer:
+        for index in range(3):
+            writer.write_image(picture(index), (index + 1) * 1_000_000_000)
+    health: Health = Health(peer)
+    process = start('bag_player', '-p', f'bag:={bag}', '-p', 'wait_for_subscribers:=1', code=2)
+    assert health.says(OK, 'waiting for 1 subscribers of the images, 0 so far')
+    bag.unlink()
+    peer.listen(Image, 'image_raw')
+    assert health.says(ERROR, f'{bag}: no such bag')
+    assert peer.until(lambda: process.poll() is not None)
+
+
+def test_player_says_that_a_bag_is_damaged(peer, start, tmp_path):
+    bag = tmp_path / 'flight.mcap'
+    with BagWriter(bag, compress=False) as writer:
+        for index in range(40):
+            writer.write_image(picture(index), (index + 1) * 50_000_000)
+    bag.write_bytes(bag.read_bytes()[:-4_000_000])
+    peer.listen(Image, 'image_raw')
+    health = Health(peer)
+    start('bag_player', '-p', f'bag:={bag}', '-p', 'loop:=true')
+    assert health.says(WARN, 'cut off')
+
+

@@ -1,0 +1,53 @@
+"""The overlay's other faces: markers, and pictures on compressed images."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from peers import image_message, picture, ready
+from sensor_msgs.msg import CompressedImage, Image, PointCloud2
+from visualization_msgs.msg import Marker, MarkerArray
+
+from motion_detect_ros.bridge.images import header_of, image_from_msg, stamp_ns
+from motion_detect_ros.bridge.records import detections_to_msg
+from motion_detect_ros.core.types import empty_detections
+
+
+def seen(stamp: int, *ids: int, bearing: float = 1.0) -> PointCloud2:
+    """Objects straight ahead."""
+    records = empty_detections(len(ids))
+    records['u'], records['v'], records['width'], records['height'] = 100, 80, 60, 40
+    records['id'], records['bearing_z'] = ids, bearing
+    records['bearing_x'] = records['bearing_y'] = 0.0 * bearing
+    return detections_to_msg(records, header_of(stamp, 'front'))
+
+
+def test_markers_need_no_images_and_go_with_their_objects(peer, start):
+    start('overlay')
+    boxes = peer.speak(PointCloud2, 'detections')
+    shown = peer.listen(MarkerArray, '/overlay/markers')
+    assert ready(peer, 'detections')
+    assert peer.node.count_subscribers('image_raw') == 0
+    for message in (seen(1, 3, 4), seen(2, 4), seen(3, 4, bearing=np.nan)):
+        boxes.publish(message)
+    assert peer.until(lambda: len(shown) == 3)
+    actions = [{(marker.action, marker.id) for marker in message.markers} for message in shown]
+    assert actions == [{(Marker.ADD, 3), (Marker.ADD, 4)}, {(Marker.ADD, 4), (Marker.DELETE, 3)}, {(Marker.DELETE, 4)}]
+    assert {marker.header.frame_id for marker in shown[0].markers} == {'front'}
+    assert stamp_ns(shown[0].markers[0].header) == 1
+
+
+def test_compressed_images_are_drawn_on(peer, start):
+    start('overlay', '-p', 'compressed:=true')
+    publisher, boxes = peer.speak(CompressedImage, 'image_raw/compressed'), peer.speak(PointCloud2, 'detections')
+    drawn = peer.listen(Image, '/overlay/overlay')
+    assert ready(peer, 'image_raw/compressed')
+    assert ready(peer, 'detections')
+    assert peer.node.count_subscribers('image_raw') == 0
+    header = image_message(0).header
+    _, png = cv2.imencode('.png', picture(0))
+    publisher.publish(CompressedImage(header=header, format='png', data=png.tobytes()))
+    boxes.publish(seen(stamp_ns(header)))
+    assert peer.until(lambda: drawn)
+    assert drawn[0].header == header
+    np.testing.assert_array_equal(image_from_msg(drawn[0]), picture(0))
