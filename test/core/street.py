@@ -41,7 +41,9 @@ def motion(turn_rad: tuple[float, float, float], travel_m: tuple[float, float, f
     return rotation, -rotation @ np.array(travel_m)
 
 
-def flow(depth: np.ndarray, rotation: np.ndarray, translation: np.ndarray, own_m: np.ndarray | None = None) -> np.ndarray:
+def flow(
+    depth: np.ndarray, rotation: np.ndarray, translation: np.ndarray, own_m: np.ndarray | None = None,
+) -> np.ndarray:
     """(ROWS, COLUMNS, 2) exact flow into the current frame; own_m: (ROWS, COLUMNS, 3) what each point itself moved."""
     now = rays() * depth[..., None]
     earlier = (now - translation) @ rotation  # R^T (X - t)
