@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from motion_detect_ros.core.affine import TUKEY_C
 from motion_detect_ros.core.config import BackgroundConfig
-from motion_detect_ros.core.types import DoubleArray, FloatArray
+from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 
 #: Cells used for the fit at most; more would not change it.
 MAX_SAMPLES = 4000
@@ -20,14 +21,40 @@ MAX_SAMPLES = 4000
 ITERATIONS = 6
 #: Fewer valid cells than this say nothing about the background.
 MIN_CELLS = 50
+#: Cells around an object whose flow may be the object's, windows tried to fill, share of known cells a window needs.
+GUARD_CELLS, FILL_CELLS, MIN_FILL_SHARE = 2, (9, 17, 33, 65, 129), 0.02
 
 
 @dataclass(frozen=True)
 class Background:
-    """``flow``: (gh, gw, 2) residual flow of the background; ``sigma_px``: (gh, gw) its noise, one deviation."""
+    """``flow``: (gh, gw, 2) residual flow of the background; ``sigma_px``: (gh, gw) its noise, one deviation.
+
+    ``smooth``: one surface, known everywhere; else each cell's flow is that of the static point closest to what was
+    measured there, which says little about what an object hides.
+    """
 
     flow: FloatArray
     sigma_px: FloatArray
+    smooth: bool = True
+
+    def behind(self, moving: BoolArray) -> Background:
+        """The background with the cells of objects (gh, gw) filled from their surroundings.
+
+        Normalised convolution (Knutsson and Westin 1993) with growing windows, so that the nearest known cells count.
+        """
+        if self.smooth:
+            return self
+        guard = np.ones((2 * GUARD_CELLS + 1, 2 * GUARD_CELLS + 1), np.uint8)
+        hidden = (cv2.dilate(moving.astype(np.uint8), guard) > 0) | ~np.isfinite(self.flow[..., 0])
+        seen = (~hidden).astype(np.float32)
+        known = np.where(hidden[..., None], np.float32(0.0), self.flow)
+        filled = known.copy()
+        for size in FILL_CELLS:
+            share = cv2.blur(seen, (size, size))
+            reached = hidden & (share > MIN_FILL_SHARE)
+            filled[reached] = (cv2.blur(known, (size, size))[reached]) / share[reached][:, None]
+            hidden &= ~reached
+        return Background(filled, self.sigma_px, smooth=False)
 
 
 def fit_background(residual: FloatArray, config: BackgroundConfig, magnitude: FloatArray) -> Background:

@@ -74,7 +74,7 @@ class ClusteringStage:
         vectors = motion_vectors(residual, background)
         labels = self._art2.partial_fit(vectors.reshape(-1, 2)).reshape(vectors.shape[:2])
         segments = connected_segments(labels, self._art2.prototypes, self._config.objects.join_match)
-        field = MotionField(residual, background, earlier.seconds, frame.scale)
+        field = MotionField(residual, background.behind(labels > 0), earlier.seconds, frame.scale)
         pair = ImagePair(frame.gray, earlier.gray, at_scale(earlier.matrix, frame.scale))
         return self._finder.find(segments, field, pair, self._art2.names)
 

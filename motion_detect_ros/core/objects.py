@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -25,6 +26,9 @@ from motion_detect_ros.core.warp import grid_points
 
 #: A segment's surroundings that its object may reach into, working-resolution pixels.
 MARGIN_PX = 8
+#: The same before a three-dimensional background, share of the segment's size: only the part of an object that is below
+#: the ground's depth gives it away, what stands above that part may be as large.
+SPACE_MARGIN_SHARE = 0.5
 #: Fewer supported pixels than this are noise.
 MIN_PIXELS = 8
 #: The gain that a patch's strongest pixels reach, as a percentile.
@@ -43,6 +47,14 @@ class MotionField:
     background: Background
     seconds: float
     scale: float
+
+    def still(self, region: Box, width: int, height: int) -> FloatArray:
+        """(h, w, 2) motion of the background in a region of the ``width`` x ``height`` working image, its pixels."""
+        rows, columns = self.background.flow.shape[:2]
+        cells = (region.points() + np.float32(0.5)) * np.array([columns / width, rows / height], np.float32)
+        flow: FloatArray = cv2.remap(self.background.flow, cells - np.float32(0.5), None, cv2.INTER_LINEAR,
+                                     borderMode=cv2.BORDER_REPLICATE)
+        return flow * np.float32(self.scale)
 
     def own_motion(self, rows: slice, columns: slice) -> tuple[FloatArray, float, float]:
         """Motion against the background in a window of cells: (2,) pixels, in noise units, share of known cells.
@@ -85,7 +97,7 @@ class ObjectFinder:
         cells = (segment.rows, segment.columns)
         region = self._region(segment, field, width, height)
         motion = np.median(field.residual[cells], axis=0) * np.float32(field.scale)
-        still = np.median(field.background.flow[cells], axis=0) * np.float32(field.scale)
+        still = field.still(region, width, height)
         seen = support(pair, region, still, motion, noise_gray, self._config.evidence_sigma)
         inside = _cell_mask(segment, field.residual.shape[:2], region, width, height)
         found = self._supported(seen, inside)
@@ -98,7 +110,10 @@ class ObjectFinder:
         r, c = segment.rows, segment.columns
         box = Box(int(c.min()) * width // columns, int(r.min()) * height // rows,
                   -(-(int(c.max()) + 1) * width // columns), -(-(int(r.max()) + 1) * height // rows))
-        return box.grown(MARGIN_PX, width, height)
+        margin = MARGIN_PX
+        if not field.background.smooth:
+            margin = max(margin, round(SPACE_MARGIN_SHARE * min(box.width, box.height)))
+        return box.grown(margin, width, height)
 
     def _supported(self, seen: Support, inside: BoolArray) -> list[Patch]:
         """Patches that touch the segment, cut down to the pixels near their strongest gain.

@@ -65,7 +65,7 @@ def fit_parallax_background(
     sigma = max(config.noise_floor_px, rayleigh_sigma(np.hypot(own[..., 0], own[..., 1])[known]))
     length = np.hypot(flow[..., 0], flow[..., 1])
     sigma_px = sigma + config.depth_noise_share * np.nan_to_num(length)
-    return Background((residual - own).astype(np.float32), sigma_px.astype(np.float32))
+    return Background((residual - own).astype(np.float32), sigma_px.astype(np.float32), smooth=False)
 
 
 def fit_plane_parallax(earlier: DoubleArray, now: DoubleArray, width: int) -> PlaneParallax | None:

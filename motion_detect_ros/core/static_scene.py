@@ -60,7 +60,7 @@ def fit_static_scene(
     sigma = max(config.noise_floor_px, rayleigh_sigma(np.hypot(own[..., 0], own[..., 1])[known]))
     length = np.hypot(flow[..., 0], flow[..., 1])
     sigma_px = sigma + config.depth_noise_share * np.nan_to_num(length)
-    background = Background((residual - own).astype(np.float32), sigma_px.astype(np.float32))
+    background = Background((residual - own).astype(np.float32), sigma_px.astype(np.float32), smooth=False)
     return StaticScene(background, motion, ground)
 
 

@@ -148,3 +148,14 @@ class TestChoice:
         field = _street(None)
         still = (_sigmas(field, SceneModel(BackgroundConfig(model=name)).fit(field, field, CAMERA)) < 3.0).mean()
         assert (still > 0.98) == (name != 'planar')
+
+
+def test_background_behind_an_object_comes_from_around_it():
+    """A box that crosses hides the wall; what is filled in is closer to the wall's flow than to the box's."""
+    field = _street(OWN['crosses'], noise_px=0.0)
+    background = fit_static_scene(field, field, CAMERA, CONFIG).background
+    wall = flow(street_depth(), *motion((0.0, 0.01, 0.0), (0.05, 0.0, 1.0)))
+    behind = background.behind(BOX)
+    assert np.array_equal(behind.flow[~box_cells(66, 32, 88, 62)], background.flow[~box_cells(66, 32, 88, 62)])
+    error = np.hypot(*np.moveaxis(behind.flow - wall, -1, 0))[BOX]
+    assert np.median(error) < 0.25 * np.median(np.hypot(*np.moveaxis(field - wall, -1, 0))[BOX])
