@@ -108,6 +108,19 @@ def now_s(peer) -> float:
     return peer.node.get_clock().now().nanoseconds * 1e-9
 
 
+def test_whole_numbers_may_stand_for_texts_and_rates(peer, start, pictures):
+    images = peer.listen(Image, 'image_raw')
+    film(peer, start, pictures, '-p', 'frame_id:=7', '-p', 'fps:=5')
+    assert {m.header.frame_id for m in images} == {'7'}
+    assert np.diff([stamp_ns(m.header) for m in images]) == pytest.approx(0.2 * NANOSECONDS)
+
+
+def test_camera_number_needs_no_quotes(peer, start, tmp_path):
+    process = start('camera', '-p', 'source:=87', code=2)
+    assert peer.until(lambda: process.poll() is not None)
+    assert (tmp_path / 'camera.log').read_text() == '87: cannot be opened as a camera\n'
+
+
 def test_player_plays_chosen_topics_only(peer, start, bag):
     images, rear = peer.listen(Image, 'image_raw'), peer.listen(Image, 'seen')
     play(peer, start, bag, '-p', 'topics:=/rear/image_raw', '-r', 'rear/image_raw:=seen')
@@ -117,7 +130,7 @@ def test_player_plays_chosen_topics_only(peer, start, bag):
 
 def test_player_starts_again_at_the_end(peer, start, bag):
     images = peer.listen(Image, 'image_raw')
-    start('bag_player', '-p', f'bag:={bag}', '-p', 'loop:=true', '-p', 'rate:=10.0', '-p', 'wait_for_subscribers:=1')
+    start('bag_player', '-p', f'bag:={bag}', '-p', 'loop:=true', '-p', 'rate:=10', '-p', 'wait_for_subscribers:=1')
     assert peer.until(lambda: len(images) >= 20)
     assert [stamp_ns(m.header) for m in images[:20]] == (STAMPS * 3)[:20]
 
