@@ -21,6 +21,8 @@ ARGUMENTS = (
     ('image_topic', 'image_raw', 'topic of the images'),
     ('camera_info_topic', 'camera_info', 'topic of the calibration'),
     ('image_reliability', 'reliable', 'reliable or best_effort, as the camera driver publishes'),
+    ('compressed', 'false', 'listen to the compressed images of image_topic'),
+    ('rectified', 'false', 'the images are rectified: matrix P of camera_info holds, not K'),
     ('overlay', 'true', 'start the overlay node'),
 )
 STAGES = ('ego_motion', 'optical_flow', 'art2_clustering')
@@ -32,7 +34,8 @@ def describe(context):
     file = value['params_file']
     file = file if file.endswith(('.yaml', '.yml')) else str(find_config(f'{file}.yaml'))
     common = {'autostart': value['autostart'] == 'true', 'use_sim_time': value['use_sim_time'] == 'true'}
-    listening = {**common, 'image_reliability': value['image_reliability']}
+    listening = {**common, 'image_reliability': value['image_reliability'], 'compressed': value['compressed'] == 'true'}
+    stage = {**listening, 'rectified': value['rectified'] == 'true'}
 
     topics = [('image_raw', value['image_topic']), ('image_raw/compressed', f'{value["image_topic"]}/compressed'),
               ('camera_info', value['camera_info_topic'])]
@@ -44,7 +47,7 @@ def describe(context):
             arguments=['--ros-args', '--log-level', value['log_level']],
             respawn=value['use_respawn'] == 'true', respawn_delay=2.0)
 
-    nodes = [node(name, listening) for name in (STAGES if value['mode'] == 'nodes' else ('pipeline',))]
+    nodes = [node(name, stage) for name in (STAGES if value['mode'] == 'nodes' else ('pipeline',))]
     if value['camera'] == 'true':
         nodes.append(node('camera', {**common, 'source': value['source']}))
     if value['overlay'] == 'true':

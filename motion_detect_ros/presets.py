@@ -18,7 +18,7 @@ PACKAGE = 'motion_detect_ros'
 #: Parameters of the nodes that are no settings of the perception core; a preset may hold them, offline skips them.
 NODE_PARAMETERS = frozenset({
     'autostart', 'bag', 'compressed', 'every_nth', 'fps', 'frame_id', 'image_reliability', 'loop', 'of', 'queue_size',
-    'rate', 'realtime', 'source', 'take', 'topics', 'use_sim_time', 'wait_for_subscribers',
+    'rate', 'realtime', 'rectified', 'source', 'take', 'topics', 'use_sim_time', 'wait_for_subscribers',
 })
 
 

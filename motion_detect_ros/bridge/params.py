@@ -42,7 +42,11 @@ def declare_simple(
     node: Node, name: str, default: Scalar, doc: str,
     low: float | None = None, high: float | None = None, choices: tuple[str, ...] = (),
 ) -> Scalar:
-    """Declares one read-only parameter of a node. Raises: ConfigError for a wrong type or value."""
+    """Declares one read-only parameter of a node.
+
+    An integer is taken for a float (``rate:=2``) and for a text (``source:=0``), as YAML leaves users no other way to
+    write them without quotes and points. Raises: ConfigError for another wrong type or value.
+    """
     descriptor = ParameterDescriptor(description=doc, read_only=True)
     if low is not None and high is not None:
         if isinstance(default, float):
@@ -52,7 +56,7 @@ def declare_simple(
     if choices:
         descriptor.additional_constraints = f'one of {", ".join(choices)}'
     try:
-        value = node.declare_parameter(name, default, descriptor).value
+        value = _declared(node, name, default, descriptor)
     except _REFUSED as error:
         raise ConfigError(f'parameter {name}: {_refusal(error, default, low, high)}') from None
     if choices and value not in choices:
@@ -67,11 +71,21 @@ def unknown_parameters(node: Node) -> tuple[str, ...]:
                  and not name.startswith('qos_overrides.'))
 
 
+def _declared(node: Node, name: str, default: Scalar, descriptor: ParameterDescriptor) -> Scalar:
+    try:
+        return node.declare_parameter(name, default, descriptor).value
+    except InvalidParameterTypeException:
+        given = node.declare_parameter(name, default, ParameterDescriptor(dynamic_typing=True)).value
+        node.undeclare_parameter(name)
+        if type(given) is not int or not isinstance(default, float | str):
+            raise
+        return node.declare_parameter(name, type(default)(given), descriptor, ignore_override=True).value
+
+
 def _refusal(error: Exception, default: Scalar, low: float | None, high: float | None) -> str:
     kind = type(default).__name__
-    hint = ' (1.0, not 1)' if isinstance(default, float) and isinstance(error, InvalidParameterTypeException) else ''
     limits = f' from {low} to {high}' if low is not None else ''
-    return f'expected {kind}{limits}{hint}: {" ".join(str(error).split())}'
+    return f'expected {kind}{limits}: {" ".join(str(error).split())}'
 
 
 def _description(metadata: Mapping[str, Any]) -> str:

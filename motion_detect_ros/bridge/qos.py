@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from rclpy.qos import QoSHistoryPolicy, QoSPolicyKind, QoSProfile, QoSReliabilityPolicy
+from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSPolicyKind, QoSProfile, QoSReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 #: Small records may queue; images may not, an old one is worth nothing.
 IMAGE_DEPTH = 1
 RECORD_DEPTH = 5
 CLOCK_DEPTH = 100
+LATCHED_DEPTH = 100
 RELIABILITIES = {'reliable': QoSReliabilityPolicy.RELIABLE, 'best_effort': QoSReliabilityPolicy.BEST_EFFORT}
 
 
@@ -27,6 +28,12 @@ def clock_qos() -> QoSProfile:
     """For ``/clock``: whoever steps through time must not miss a step."""
     return QoSProfile(history=QoSHistoryPolicy.KEEP_LAST, depth=CLOCK_DEPTH,
                       reliability=QoSReliabilityPolicy.RELIABLE)
+
+
+def latched_qos() -> QoSProfile:
+    """For ``/tf_static``: whoever comes late hears it too."""
+    return QoSProfile(history=QoSHistoryPolicy.KEEP_LAST, depth=LATCHED_DEPTH,
+                      reliability=QoSReliabilityPolicy.RELIABLE, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def overridable() -> QoSOverridingOptions:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 import numpy.typing as npt
 from sensor_msgs.msg import PointCloud2, PointField
@@ -13,11 +15,15 @@ from motion_detect_ros.core.types import DETECTION_DTYPE, NANOSECONDS, EgoMotion
 
 #: Row and column of the upper triangle of a 6 x 6 matrix, in row order: c00 .. c20.
 UPPER = np.triu_indices(6)
-EGO_DTYPE = np.dtype(
-    [(f'm{r}{c}', '<f8') for r in range(3) for c in range(3)]
-    + [(f'c{i:02d}', '<f8') for i in range(len(UPPER[0]))]
-    + [('dt', '<f8'), ('inliers', '<u4'), ('tracks', '<u4'), ('residual', '<f4'), ('model', 'u1'), ('status', 'u1'),
-       ('prev_sec', '<u4'), ('prev_nanosec', '<u4')])
+#: What every ego_motion record has ever had; never changed.
+EGO_FIELDS = [
+    *((f'm{r}{c}', '<f8') for r in range(3) for c in range(3)),
+    *((f'c{i:02d}', '<f8') for i in range(len(UPPER[0]))),
+    ('dt', '<f8'), ('inliers', '<u4'), ('tracks', '<u4'), ('residual', '<f4'), ('model', 'u1'), ('status', 'u1'),
+    ('prev_sec', '<u4'), ('prev_nanosec', '<u4')]
+#: What came later; records without them are read too, as NaN or 0.
+EGO_LATER_FIELDS: list[tuple[str, str]] = []
+EGO_DTYPE = np.dtype(EGO_FIELDS + EGO_LATER_FIELDS)
 
 _DATATYPES = {
     'i1': PointField.INT8, 'u1': PointField.UINT8, 'i2': PointField.INT16, 'u2': PointField.UINT16,
@@ -36,16 +42,23 @@ def records_to_msg(records: RecordArray, header: Header) -> PointCloud2:
         row_step=dtype.itemsize * len(records), data=bytes_of(records.view(np.uint8)), is_dense=True)
 
 
-def records_from_msg(msg: PointCloud2, dtype: np.dtype[np.void]) -> RecordArray:
+def records_from_msg(
+    msg: PointCloud2, dtype: np.dtype[np.void], optional: Collection[str] = (),
+) -> RecordArray:
     """The message's points as ``dtype``, found by field name; fields that ``dtype`` does not have are left out.
 
-    Raises: MessageError where a field is missing, lies outside its record, is of an unknown type, or the data are
+    optional: fields that the message may lack; they become NaN where they are floats, else 0.
+    Raises: MessageError where another field is missing, lies outside its record, is of an unknown type, or the data are
     shorter than promised.
     """
-    names = dtype.names or ()
+    present = {field.name for field in msg.fields}
+    absent = [name for name in dtype.names or () if name in optional and name not in present]
+    names = tuple(name for name in dtype.names or () if name not in absent)
     layout = _layout_of(msg, names)
     rows = _rows_of(msg)
     records = np.empty((msg.height, msg.width), dtype)
+    for name in absent:
+        records[name] = np.nan if dtype[name].kind == 'f' else 0
     if records.size:
         source = rows.view(layout)
         for name in names:
@@ -123,7 +136,7 @@ def ego_to_msg(ego: EgoMotion, header: Header) -> PointCloud2:
 
 def ego_from_msg(msg: PointCloud2) -> EgoMotion:
     """The ego-motion of a message. Raises: MessageError where it is none of ours."""
-    records = records_from_msg(msg, EGO_DTYPE)
+    records = records_from_msg(msg, EGO_DTYPE, dict(EGO_LATER_FIELDS))
     if len(records) != 1:
         raise MessageError(f'ego_motion: expected one record, got {len(records)}')
     record = records[0]

@@ -84,3 +84,5 @@ def _finish(node: ManagedNode | None) -> None:
             node.close()
             node.destroy_node()
         rclpy.try_shutdown()
+    for number in (signal.SIGINT, signal.SIGTERM):  # ended already: nothing is left to interrupt but Python's own end
+        signal.signal(number, signal.SIG_IGN)

@@ -14,7 +14,7 @@ from std_msgs.msg import Header
 
 from motion_detect_ros.bridge import transport
 from motion_detect_ros.bridge.diagnostics import Condition
-from motion_detect_ros.bridge.images import stamp_ns
+from motion_detect_ros.bridge.images import camera_from_msg, stamp_ns
 from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode, reason_of
 from motion_detect_ros.bridge.params import declare_config, declare_simple, unknown_parameters
 from motion_detect_ros.bridge.qos import image_qos, overridable
@@ -47,6 +47,8 @@ class StageNode(ManagedNode):
             choices=('reliable', 'best_effort')))
         self._compressed = bool(declare_simple(
             self, 'compressed', False, 'listen to image_raw/compressed instead of image_raw'))
+        self._rectified = bool(declare_simple(
+            self, 'rectified', False, 'the images are rectified: camera_info matrix P holds, not K'))
         self._queue_size = int(declare_simple(
             self, 'queue_size', 2, 'images that may wait for this stage; more are dropped, oldest first', 1, 1000))
         self._join = ExactJoin(('image', *(topic.name for topic in self.inputs)), 2 * self._queue_size + 8)
@@ -139,7 +141,10 @@ class StageNode(ManagedNode):
 
     def _on_camera(self, msg: Any) -> None:
         # Only noted here: the stage takes it before the next image, the executor must not wait for the stage.
-        self._camera = CAMERA_INFO.from_msg(msg) or self._camera
+        self._camera = camera_from_msg(msg, self._rectified) or self._camera
+        if any(msg.d) and not self._rectified:
+            self.get_logger().warning('camera_info: distortion is ignored, bearings are off towards the edges; '
+                                      'rectify the images and set rectified:=true', once=True)
 
     def _update_camera(self) -> None:
         if self._camera is not None and self._camera != self._camera_in_use:

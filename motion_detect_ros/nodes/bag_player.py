@@ -7,7 +7,7 @@ from typing import Any
 
 from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.params import declare_simple
-from motion_detect_ros.bridge.qos import image_qos, record_qos
+from motion_detect_ros.bridge.qos import image_qos, latched_qos, record_qos
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.serialized import IMAGE_TYPES, header_stamp_ns, message_class
 from motion_detect_ros.bridge.source_node import SourceNode
@@ -20,6 +20,8 @@ from motion_detect_ros.sources.bags import BagReader, RawMessage, TopicInfo
 UNKNOWN_AGE_MS = float('nan')
 #: Messages this late are no longer played at the recorded pace, seconds.
 LATE_S = 0.1
+#: Said once and heard by whoever comes later.
+STATIC_TRANSFORMS = 'tf_static'
 
 
 class BagPlayerNode(SourceNode):
@@ -44,10 +46,9 @@ class BagPlayerNode(SourceNode):
         self._publishers_of: dict[str, Any] = {}
         self._images = tuple(topic.name for topic in self._topics if topic.msgtype in IMAGE_TYPES)
         for topic in self._topics:
-            quality = image_qos() if topic.msgtype in IMAGE_TYPES else record_qos()
             try:
                 self._publishers_of[topic.name] = self.advertise(
-                    message_class(topic.msgtype), topic.name.lstrip('/'), quality)
+                    message_class(topic.msgtype), topic.name.lstrip('/'), _quality(topic))
             except MessageError as error:
                 self.bad_input(error)
 
@@ -95,6 +96,12 @@ class BagPlayerNode(SourceNode):
         except MessageError as error:
             self.bad_input(error)
             return message.log_stamp_ns
+
+
+def _quality(topic: TopicInfo) -> Any:
+    if topic.name.rpartition('/')[2] == STATIC_TRANSFORMS:
+        return latched_qos()
+    return image_qos() if topic.msgtype in IMAGE_TYPES else record_qos()
 
 
 def _chosen(bag: str, topics: tuple[TopicInfo, ...], wanted: str) -> tuple[TopicInfo, ...]:

@@ -12,10 +12,13 @@ from motion_detect_ros.sources.bag_reader import BagReader
 from motion_detect_ros.sources.encoding import decode
 from motion_detect_ros.sources.frames import SourceFrame
 from motion_detect_ros.sources.images import decode_image
+from motion_detect_ros.sources.inertial import GyroSample
 from motion_detect_ros.sources.raw import RawMessage, TopicInfo
 
 IMAGE_TYPES = (messages.IMAGE, messages.COMPRESSED_IMAGE)
 _COMPRESSED = '/compressed'
+#: Topic that is meant where several are of type Imu.
+_IMU = 'imu'
 
 
 class BagFrames:
@@ -55,6 +58,22 @@ class BagFrames:
                 continue
             yield SourceFrame(index, image, stamp_ns)
 
+    def gyro(self) -> Iterator[GyroSample]:
+        """Angular rates of the only Imu topic, or of the one named ``imu``; stamps are those of the headers.
+
+        Empty where there is none. Malformed messages are left out.
+        Raises: SourceError, with a list, where there are several and none has that name.
+        """
+        return _gyro(BagReader(self.path), self._choose_imu_topic())
+
+    def _choose_imu_topic(self) -> str | None:
+        found = [topic for topic in self._reader.topics if topic.msgtype == messages.IMU and topic.count]
+        named = [topic for topic in found if topic.name.lstrip('/') == _IMU] or found
+        if len(named) > 1:
+            listed = ', '.join(f'{topic.name} ({topic.count})' for topic in found)
+            raise SourceError(f'{self.path}: expected one topic of type Imu or one named /{_IMU}, got {listed}')
+        return named[0].name if named else None
+
     def _choose_camera_topic(self) -> str | None:
         """The CameraInfo beside the image topic, or the only one in the bag."""
         infos = [topic.name for topic in self._reader.topics if topic.msgtype == messages.CAMERA_INFO and topic.count]
@@ -84,6 +103,17 @@ def decode_message(message: RawMessage) -> tuple[ByteArray, int]:
         image = decode(content.height, content.width, content.encoding, bool(content.is_bigendian),
                        content.step, content.data)
     return image, messages.stamp_of(content)
+
+
+def _gyro(reader: BagReader, topic: str | None) -> Iterator[GyroSample]:
+    with reader:
+        for message in reader.messages([topic] if topic else ()):
+            try:
+                content = messages.deserialize(message.data, messages.IMU)
+            except MessageError:
+                continue
+            rate = content.angular_velocity
+            yield GyroSample(messages.stamp_of(content), (float(rate.x), float(rate.y), float(rate.z)))
 
 
 def _choose_topic(path: Path, topics: tuple[TopicInfo, ...], wanted: str | None) -> TopicInfo:

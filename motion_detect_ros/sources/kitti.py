@@ -20,6 +20,7 @@ from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import NANOSECONDS, CameraModel, DoubleArray
 from motion_detect_ros.sources.frames import SourceFrame, describe_folder
 from motion_detect_ros.sources.images import ImageSequence, image_files
+from motion_detect_ros.sources.inertial import GyroSample
 
 IMAGE_FOLDER = 'image_02'
 CALIBRATION_NAME = 'calib_cam_to_cam.txt'
@@ -108,6 +109,10 @@ class KittiDrive:
             return []
         stamps = read_stamps(folder / 'timestamps.txt')
         return [read_oxts(file, _stamp_of(file, stamps)) for file in sorted((folder / 'data').glob('*.txt'))]
+
+    def gyro(self) -> Iterator[GyroSample]:
+        """Angular rates of the GPS/IMU unit about its body axes (x forward, y left, z up). Raises: as ``oxts``."""
+        return (GyroSample(sample.stamp_ns, sample.angular_velocity) for sample in self.oxts())
 
 
 def is_kitti_drive(folder: Path) -> bool:

@@ -98,6 +98,15 @@ def test_camera_info_prefers_the_rectified_matrix_and_zero_is_uncalibrated():
     assert camera_from_msg(camera_to_msg(None, 640, 480, HEADER)) is None
 
 
+def test_only_rectified_images_have_the_projection_of_the_rectified_camera():
+    info = CameraInfo(width=640, height=480, k=[1.0, 0, 2.0, 0, 3.0, 4.0, 0, 0, 1.0],
+                      p=[5.0, 0, 6.0, 0, 0, 7.0, 8.0, 0, 0, 0, 1.0, 0])
+    assert camera_from_msg(info) == CameraModel(640, 480, 1.0, 3.0, 2.0, 4.0)
+    assert camera_from_msg(info, rectified=True) == CameraModel(640, 480, 5.0, 7.0, 6.0, 8.0)
+    info.p = [0.0] * 12
+    assert camera_from_msg(info, rectified=True) == CameraModel(640, 480, 1.0, 3.0, 2.0, 4.0)
+
+
 def test_720p_takes_at_most_2_ms_a_direction(capsys: pytest.CaptureFixture[str]):
     """Median of 50, best of three rounds: the machine is shared. The allocator is set as every node sets it."""
     tune_malloc()

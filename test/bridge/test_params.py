@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 import rclpy
+from rcl_interfaces.msg import ParameterType
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -72,18 +73,33 @@ def test_values_that_the_user_gives_are_taken(make_node: MakeNode):
 
 
 @pytest.mark.parametrize(('given', 'words'), [
-    ({'art2__vigilance': 1}, r'parameter art2.vigilance: expected float from 0.0 to 1.0 \(1.0, not 1\): .*INTEGER'),
+    ({'art2__vigilance': 2}, r'parameter art2.vigilance: expected float from 0.0 to 1.0: .*2.0'),
+    ({'art2__vigilance': True}, r'parameter art2.vigilance: expected float from 0.0 to 1.0: .*BOOL'),
+    ({'art2__vigilance': 'half'}, r'parameter art2.vigilance: expected float from 0.0 to 1.0: .*STRING'),
     ({'art2__vigilance': 2.0}, r'parameter art2.vigilance: expected float from 0.0 to 1.0: .*2.0'),
     ({'art2__vigilance': float('nan')}, r'parameter art2.vigilance: expected float from 0.0 to 1.0: .*nan'),
     ({'art2__max_neurons': 1000}, 'parameter art2.max_neurons: expected int from 2 to 200: .*1000'),
     ({'art2__max_neurons': 25.0}, 'parameter art2.max_neurons: expected int from 2 to 200: .*DOUBLE'),
     ({'ego_motion__smoothing': 'magic'}, "parameter ego_motion.smoothing: expected one of kalman, none, got 'magic'"),
-    ({'ego_motion__smoothing': 3}, 'parameter ego_motion.smoothing: expected str: .*INTEGER'),
+    ({'ego_motion__smoothing': 3}, "parameter ego_motion.smoothing: expected one of kalman, none, got '3'"),
+    ({'ego_motion__smoothing': 3.5}, 'parameter ego_motion.smoothing: expected str: .*DOUBLE'),
 ])
 def test_refusals_are_one_line_with_expected_and_actual(make_node: MakeNode, given: dict[str, object], words: str):
     with pytest.raises(ConfigError, match=words) as caught:
         declare_config(make_node(**given))
     assert '\n' not in str(caught.value)
+
+
+def test_integers_are_taken_for_floats_and_texts_and_stay_what_was_declared(make_node: MakeNode):
+    node = make_node(rate=2, source=0, art2__vigilance=1)
+    assert declare_simple(node, 'rate', 1.0, 'doc', 0.5, 10.0) == 2.0
+    assert declare_simple(node, 'source', '', 'doc') == '0'
+    assert declare_config(node).art2.vigilance == 1.0
+    types = [node.describe_parameter(name).type for name in ('rate', 'source', 'art2.vigilance')]
+    assert types == [ParameterType.PARAMETER_DOUBLE, ParameterType.PARAMETER_STRING, ParameterType.PARAMETER_DOUBLE]
+    assert (type(node.get_parameter('rate').value), node.get_parameter('source').value) == (float, '0')
+    assert node.describe_parameter('rate').floating_point_range[0].to_value == 10.0
+    assert not node.set_parameters([Parameter('rate', value=3.0)])[0].successful
 
 
 def test_misspelt_names_are_found_known_ones_are_not(make_node: MakeNode):

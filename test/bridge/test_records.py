@@ -15,6 +15,7 @@ from motion_detect_ros.bridge.records import (
     ego_from_msg,
     ego_to_msg,
     read_detections,
+    records_from_msg,
     records_to_msg,
 )
 from motion_detect_ros.core.errors import MessageError
@@ -70,6 +71,34 @@ def test_other_order_extra_fields_and_big_endian_are_read():
     msg = records_to_msg(records, HEADER)
     msg.is_bigendian = True
     assert read_detections(msg).tobytes() == sent.tobytes()
+
+
+def test_records_of_older_versions_lack_later_fields():
+    """As old bags hold them: a layout that has since grown by three fields."""
+    older = np.zeros(2, [('u', '<f4'), ('id', '<u4')])
+    older['u'], older['id'] = (1.5, 2.5), (7, 8)
+    grown = np.dtype([('u', '<f4'), ('r00', '<f8'), ('id', '<u4'), ('background', 'u1'), ('focal', '<f4')])
+    later = ('r00', 'background', 'focal')
+    read = records_from_msg(records_to_msg(older, HEADER), grown, later)
+    assert (read['u'].tolist(), read['id'].tolist(), read['background'].tolist()) == ([1.5, 2.5], [7, 8], [0, 0])
+    assert np.isnan(read['r00']).all()
+    assert np.isnan(read['focal']).all()
+    with pytest.raises(MessageError, match='expected fields r00, focal, got u, id'):
+        records_from_msg(records_to_msg(older, HEADER), grown, ('background',))
+    full = np.ones(1, grown)
+    assert records_from_msg(records_to_msg(full, HEADER), grown, later) == full
+
+
+def test_the_first_ego_motion_records_are_still_read():
+    """Whatever has been added since: the 38 fields of the first version, and nothing else."""
+    sent = EgoMotion(np.diag([1.0, 2.0, 1.0]), np.eye(6), EgoStatus.OK, 5_000_000_006, 4_000_000_000, 3, 4, 0.5)
+    msg = ego_to_msg(sent, HEADER)
+    first = [f'm{r}{c}' for r in range(3) for c in range(3)] + [f'c{i:02d}' for i in range(21)] + [
+        'dt', 'inliers', 'tracks', 'residual', 'model', 'status', 'prev_sec', 'prev_nanosec']
+    msg.fields = [field for field in msg.fields if field.name in first]
+    got = ego_from_msg(msg)
+    np.testing.assert_array_equal(got.matrix, sent.matrix)
+    assert (got.status, got.prev_stamp_ns, got.inliers, got.residual_px) == (EgoStatus.OK, 4_000_000_000, 3, 0.5)
 
 
 def test_missing_fields_and_bytes_are_named():

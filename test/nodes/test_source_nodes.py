@@ -6,7 +6,9 @@ import cv2
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import TransformStamped
 from peers import image_message, picture, ready
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
@@ -14,6 +16,7 @@ from motion_detect_ros.bridge.images import header_of, image_from_msg, stamp_ns
 from motion_detect_ros.bridge.records import detections_to_msg
 from motion_detect_ros.core.types import NANOSECONDS, CameraModel, empty_detections
 from motion_detect_ros.sources.bags import BagWriter
+from motion_detect_ros.sources.messages import make, serialize
 
 PERIOD_NS = 50_000_000
 STAMPS = [1_600_000_000 * NANOSECONDS + index * PERIOD_NS for index in range(8)]
@@ -108,6 +111,19 @@ def now_s(peer) -> float:
     return peer.node.get_clock().now().nanoseconds * 1e-9
 
 
+def test_whole_numbers_may_stand_for_texts_and_rates(peer, start, pictures):
+    images = peer.listen(Image, 'image_raw')
+    film(peer, start, pictures, '-p', 'frame_id:=7', '-p', 'fps:=5')
+    assert {m.header.frame_id for m in images} == {'7'}
+    assert np.diff([stamp_ns(m.header) for m in images]) == pytest.approx(0.2 * NANOSECONDS)
+
+
+def test_camera_number_needs_no_quotes(peer, start, tmp_path):
+    process = start('camera', '-p', 'source:=87', code=2)
+    assert peer.until(lambda: process.poll() is not None)
+    assert (tmp_path / 'camera.log').read_text() == '87: cannot be opened as a camera\n'
+
+
 def test_player_plays_chosen_topics_only(peer, start, bag):
     images, rear = peer.listen(Image, 'image_raw'), peer.listen(Image, 'seen')
     play(peer, start, bag, '-p', 'topics:=/rear/image_raw', '-r', 'rear/image_raw:=seen')
@@ -115,9 +131,25 @@ def test_player_plays_chosen_topics_only(peer, start, bag):
     np.testing.assert_array_equal(image_from_msg(rear[0]), picture(9))
 
 
+def test_who_comes_late_hears_the_static_transforms(peer, start, tmp_path):
+    """By the topic's name: tf2_msgs, its usual type, has no wheels."""
+    path, kind = tmp_path / 'flight.mcap', 'geometry_msgs/msg/TransformStamped'
+    with BagWriter(path) as writer:
+        writer.write_raw('/tf_static', kind, serialize(make(kind, child_frame_id='camera')), STAMPS[0])
+        writer.write_image(picture(0), STAMPS[0])
+        writer.write_image(picture(1), STAMPS[0] + 60 * NANOSECONDS)
+    images, heard = peer.listen(Image, 'image_raw'), []
+    start('bag_player', '-p', f'bag:={path}', '-p', 'wait_for_subscribers:=1')
+    assert peer.until(lambda: images)
+    late = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+    peer.node.create_subscription(TransformStamped, '/tf_static', heard.append, late)
+    assert peer.until(lambda: heard, 10.0)
+    assert heard[0].child_frame_id == 'camera'
+
+
 def test_player_starts_again_at_the_end(peer, start, bag):
     images = peer.listen(Image, 'image_raw')
-    start('bag_player', '-p', f'bag:={bag}', '-p', 'loop:=true', '-p', 'rate:=10.0', '-p', 'wait_for_subscribers:=1')
+    start('bag_player', '-p', f'bag:={bag}', '-p', 'loop:=true', '-p', 'rate:=10', '-p', 'wait_for_subscribers:=1')
     assert peer.until(lambda: len(images) >= 20)
     assert [stamp_ns(m.header) for m in images[:20]] == (STAMPS * 3)[:20]
 

@@ -223,6 +223,24 @@ def ready_log(peer, log, words: str) -> bool:
     return peer.until(lambda: words in log.read_text())
 
 
+@pytest.mark.parametrize(('rectified', 'focal'), [('false', 300.0), ('true', 200.0)])
+def test_calibration_is_that_of_the_images_as_they_are(peer, start, tmp_path, rectified, focal):
+    start('pipeline', *small(f'rectified:={rectified}'))
+    answers = peer.listen(PointCloud2, 'detections')
+    publisher, infos = peer.speak(Image, 'image_raw'), peer.speak(CameraInfo, 'camera_info')
+    assert ready(peer, 'image_raw')
+    assert ready(peer, 'camera_info')
+    infos.publish(CameraInfo(
+        width=320, height=240, distortion_model='plumb_bob', d=[0.1, 0.0, 0.0, 0.0, 0.0],
+        k=[300.0, 0.0, 160.0, 0.0, 300.0, 120.0, 0.0, 0.0, 1.0],
+        p=[200.0, 0.0, 160.0, 0.0, 0.0, 200.0, 120.0, 0.0, 0.0, 0.0, 1.0, 0.0]))
+    play(peer, publisher, answers, range(FRAMES))
+    record, = read_detections(answers[-1])
+    assert record['bearing_x'] / record['bearing_z'] == pytest.approx((record['u'] - 160.0) / focal, rel=1e-4)
+    said = 'distortion is ignored' in (tmp_path / 'pipeline.log').read_text()
+    assert said == (rectified == 'false')
+
+
 @pytest.mark.parametrize('stop', [signal.SIGINT, signal.SIGTERM], ids=['SIGINT', 'SIGTERM'])
 def test_clean_end_while_kernels_are_compiled(peer, start, stop, tmp_path, monkeypatch):
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'cold'))

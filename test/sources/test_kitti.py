@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import CameraModel
 from motion_detect_ros.sources.frames import open_source
+from motion_detect_ros.sources.inertial import GyroSample
 from motion_detect_ros.sources.kitti import KittiDrive, OxtsSample, parse_stamp, read_oxts
 
 P_RECT_02 = ('7.215377e+02 0.000000e+00 6.095593e+02 4.485728e+01 0.000000e+00 7.215377e+02 1.728540e+02 '
@@ -90,6 +91,12 @@ def test_orientation_agrees_with_scipy(angles: tuple[float, float, float]) -> No
     sample = OxtsSample(0, 0, 0, 0, roll, pitch, yaw, (0, 0, 0), (0, 0, 0), 0)
     expected = Rotation.from_euler('ZYX', [yaw, pitch, roll])
     assert (Rotation.from_quat(sample.quaternion) * expected.inv()).magnitude() < 1e-12
+
+
+def test_angular_rates_are_those_about_the_body_axes(drive: Path) -> None:
+    first, second = KittiDrive(drive).gyro()
+    assert first == GyroSample(parse_stamp('2011-09-26 13:02:44.323092481'), (17.0, 18.0, 19.0))
+    assert second.stamp_ns == parse_stamp('2011-09-26 13:02:44.426')
 
 
 def test_a_short_oxts_packet_is_refused(drive: Path) -> None:

@@ -1,0 +1,90 @@
+"""Angular rates beside the pictures: which samples a stage gets before which picture, the same live and replayed."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from motion_detect_ros.core.types import NANOSECONDS
+
+#: Samples kept at most; at 1000 Hz these are 20 s.
+CAPACITY = 20_000
+#: A sample after the picture closes its interval if it is this near; slower IMUs are not waited for, ns.
+NEAR_NS = 50_000_000
+
+
+@dataclass(frozen=True)
+class GyroSample:
+    """Angular velocity about the axes of the IMU's own frame, rad/s. ``stamp_ns``: of the source, ns."""
+
+    stamp_ns: int
+    rate: tuple[float, float, float]
+
+
+@runtime_checkable
+class InertialSource(Protocol):
+    """A frame source that has angular rates too."""
+
+    def gyro(self) -> Iterator[GyroSample]:
+        """The samples in order of time; empty where nothing was recorded."""
+
+
+class GyroQueue:
+    """Samples on their way to a stage. Any thread may add, one takes.
+
+    A picture gets all samples before it and the first one that is not, if that is near: what is needed to integrate up
+    to the picture, by the stamps alone, however much earlier or later the samples happen to arrive.
+    """
+
+    def __init__(self, time_offset_s: float = 0.0) -> None:
+        """time_offset_s: between the clocks of camera and IMU, of either sign; samples are waited for that long."""
+        self._ahead_ns = round(abs(time_offset_s) * NANOSECONDS)
+        self._samples: deque[GyroSample] = deque(maxlen=CAPACITY)
+        self._latest_ns: int | None = None
+        self._missed_ns: int | None = None
+        self._changed = threading.Condition()
+
+    def add(self, sample: GyroSample) -> None:
+        """One more sample. Where time jumps back, samples of the earlier run are forgotten."""
+        with self._changed:
+            if self._latest_ns is not None and sample.stamp_ns < self._latest_ns:
+                self._samples.clear()
+            self._samples.append(sample)
+            self._latest_ns = sample.stamp_ns
+            self._changed.notify_all()
+
+    def covers(self, stamp_ns: int) -> bool:
+        """Whether everything up to a picture of ``stamp_ns`` is there."""
+        with self._changed:
+            return self._covers(stamp_ns)
+
+    def wait_for(self, stamp_ns: int, timeout_s: float) -> bool:
+        """As ``covers``, but gives late samples some time; not before the first sample, nor while none come at all."""
+        with self._changed:
+            if self._latest_ns is None or self._latest_ns == self._missed_ns:
+                return False
+            covered = self._changed.wait_for(lambda: self._covers(stamp_ns), timeout_s)
+            self._missed_ns = None if covered else self._latest_ns
+            return covered
+
+    def take(self, stamp_ns: int) -> list[GyroSample]:
+        """The samples for a picture of ``stamp_ns`` that were not taken before, in order of time."""
+        taken, end_ns = [], stamp_ns + self._ahead_ns
+        with self._changed:
+            while self._samples and self._samples[0].stamp_ns < end_ns + NEAR_NS:
+                taken.append(self._samples.popleft())
+                if taken[-1].stamp_ns >= end_ns:
+                    break
+        return taken
+
+    def clear(self) -> None:
+        """Forget all samples."""
+        with self._changed:
+            self._samples.clear()
+            self._latest_ns = None
+
+    def _covers(self, stamp_ns: int) -> bool:
+        return self._latest_ns is not None and self._latest_ns >= stamp_ns + self._ahead_ns
