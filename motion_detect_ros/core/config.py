@@ -27,9 +27,11 @@ class PreprocessingConfig:
 class EgoMotionConfig:
     """Background motion from tracked corners."""
 
-    max_corners: int = setting(700, 'corners tracked per frame', low=8, high=5000)
+    features: str = setting(
+        'shi_tomasi', 'what is tracked', choices=('shi_tomasi', 'harris', 'fast', 'orb', 'brisk', 'mser'))
+    max_corners: int = setting(700, 'features tracked per frame', low=8, high=5000)
     corner_quality: float = setting(
-        0.002, 'smallest accepted corner response, relative to the best', low=1e-6, high=1.0)
+        0.002, 'smallest accepted strength of a feature, relative to the best', low=1e-6, high=1.0)
     lk_window_px: int = setting(15, 'window of the Lucas-Kanade tracker', low=5, high=51, unit='px')
     pyramid_levels: int = setting(3, 'pyramid levels of the tracker above the image itself', low=0, high=6)
     forward_backward_px: float = setting(
