@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from motion_detect_ros.core.art2 import Art2
+from motion_detect_ros.core.art2 import make_art2
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.contact import bearings
 from motion_detect_ros.core.evidence import ImagePair
@@ -39,7 +39,7 @@ class ClusteringStage:
         self.camera = camera
         self._memory = FrameMemory(config.optical_flow.baseline_s)
         self._scene = SceneModel(config.background)
-        self._art2 = Art2(config.art2)
+        self._art2 = make_art2(config.art2)
         self._finder = ObjectFinder(config.objects)
         self._tracker = Tracker(config.tracks)
 

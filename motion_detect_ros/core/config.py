@@ -27,9 +27,11 @@ class PreprocessingConfig:
 class EgoMotionConfig:
     """Background motion from tracked corners."""
 
-    max_corners: int = setting(700, 'corners tracked per frame', low=8, high=5000)
+    features: str = setting(
+        'shi_tomasi', 'what is tracked', choices=('shi_tomasi', 'harris', 'fast', 'orb', 'brisk', 'mser'))
+    max_corners: int = setting(700, 'features tracked per frame', low=8, high=5000)
     corner_quality: float = setting(
-        0.002, 'smallest accepted corner response, relative to the best', low=1e-6, high=1.0)
+        0.002, 'smallest accepted strength of a feature, relative to the best', low=1e-6, high=1.0)
     lk_window_px: int = setting(15, 'window of the Lucas-Kanade tracker', low=5, high=51, unit='px')
     pyramid_levels: int = setting(3, 'pyramid levels of the tracker above the image itself', low=0, high=6)
     forward_backward_px: float = setting(
@@ -85,18 +87,40 @@ class BackgroundConfig:
 class Art2Config:
     """Clustering of the residual flow."""
 
-    vigilance: float = setting(0.2, '0 accepts everything as one cluster, 1 only equal vectors', low=0.0, high=1.0)
+    variant: str = setting(
+        'magnitude', 'magnitude compares whole vectors, classic (Carpenter and Grossberg) their directions only',
+        choices=('magnitude', 'classic'))
+    vigilance: float = setting(
+        0.2, '0 accepts everything as one cluster, 1 only equal vectors; classic needs 0.9 and more', low=0.0, high=1.0)
     learning_rate: float = setting(
-        0.95, 'share of the way a neuron moves to what it won (near 1 = fast learning)', low=0.01, high=1.0)
+        0.95, 'share of the way a neuron moves to what it won (near 1 = fast learning); alpha of classic',
+        low=0.01, high=1.0)
     initial_neurons: int = setting(15, 'neurons spread over the motions at once', low=1, high=200)
     max_neurons: int = setting(25, 'neurons the memory may grow to', low=2, high=200)
     forget_frames: int = setting(
         10, 'a neuron that wins nothing for this long is forgotten', low=1, high=1000, unit='frames')
+    merge_match: float = setting(
+        1.0, 'neurons whose match is over this become one, 1 = none', low=0.0, high=1.0)
+    background_sigma: float = setting(
+        4.0, 'classic: vectors up to this length are background', low=0.0, high=1000.0, unit='noise units')
+    learning: str = setting(
+        'slow', 'classic: slow = one weight update for each vector, fast = updates until the weights settle',
+        choices=('slow', 'fast'))
+    a: float = setting(10.0, 'classic: feedback from u to w', low=0.0, high=1000.0)
+    b: float = setting(10.0, 'classic: feedback from q to v', low=0.0, high=1000.0)
+    c: float = setting(0.1, 'classic: weight of p in the test for reset; c d / (1 - d) is at most 1', low=0.0, high=1.0)
+    d: float = setting(0.9, 'classic: output of the winning neuron', low=0.01, high=0.99)
+    e: float = setting(0.0, 'classic: added to every norm', low=0.0, high=0.1)
+    theta: float = setting(
+        0.1, 'classic: components of the normalised vector up to this are noise', low=0.0, high=0.99)
 
     def __post_init__(self) -> None:
         if self.initial_neurons > self.max_neurons:
             raise ConfigError(f'art2.initial_neurons: expected at most art2.max_neurons ({self.max_neurons}), '
                               f'got {self.initial_neurons}')
+        if self.c * self.d > 1.0 - self.d + 1e-9:
+            ratio = self.c * self.d / (1.0 - self.d)
+            raise ConfigError(f'art2.c, art2.d: expected c d / (1 - d) of at most 1, got {ratio:.3g}')
 
 
 @dataclass(frozen=True)

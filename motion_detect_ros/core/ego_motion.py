@@ -12,10 +12,11 @@ from motion_detect_ros.core.affine import (
     refine_affine,
 )
 from motion_detect_ros.core.config import PipelineConfig
-from motion_detect_ros.core.features import even_corners
+from motion_detect_ros.core.features import check_features, find_features
 from motion_detect_ros.core.kalman import ParameterKalman
 from motion_detect_ros.core.types import (
     NANOSECONDS,
+    BoolArray,
     ByteArray,
     CameraModel,
     DoubleArray,
@@ -41,7 +42,7 @@ class EgoMotionStage:
 
     def __init__(self, config: PipelineConfig, camera: CameraModel | None = None) -> None:
         self._config = config.ego_motion
-        self._ignore_top_px = config.preprocessing.ignore_top_px
+        check_features(self._config.features)
         self.camera = camera
         self._filter = ParameterKalman(self._config)
         self._previous: PreparedFrame | None = None
@@ -59,7 +60,7 @@ class EgoMotionStage:
         if previous is None or status != EgoStatus.OK:
             self._filter.reset()
             return no_estimate(status, frame.stamp_ns, frame.stamp_ns)
-        points, moved = self._tracks(previous.gray, frame.gray, frame.scale)
+        points, moved = self._tracks(previous.gray, frame.gray, previous.mask)
         return self._estimate(points / frame.scale, moved / frame.scale, previous, frame)
 
     def _continuity(self, previous: PreparedFrame | None, frame: PreparedFrame) -> EgoStatus:
@@ -70,11 +71,15 @@ class EgoMotionStage:
         dt_s = (frame.stamp_ns - previous.stamp_ns) / NANOSECONDS
         return EgoStatus.OK if 0.0 < dt_s <= self._config.max_gap_s else EgoStatus.TIME_JUMP
 
-    def _tracks(self, previous: ByteArray, current: ByteArray, scale: float) -> tuple[FloatArray, FloatArray]:
-        """Corner positions in both images, working-resolution pixels, that survive a forward-backward check."""
+    def _tracks(
+        self, previous: ByteArray, current: ByteArray, mask: BoolArray | None,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Positions in both images, working-resolution pixels, that survive a forward-backward check.
+
+        mask: (h, w), False where nothing of ``previous`` is tracked; None = everywhere.
+        """
         config = self._config
-        ignore = round(self._ignore_top_px * scale)
-        points = even_corners(previous, config.max_corners, config.corner_quality, ignore)
+        points = find_features(config.features, previous, config.max_corners, config.corner_quality, mask)
         if not len(points):
             return points, points
         window = (config.lk_window_px, config.lk_window_px)
@@ -121,8 +126,9 @@ class EgoMotionStage:
 
     def _refined(self, fit: AffineFit, previous: PreparedFrame, frame: PreparedFrame) -> AffineFit | None:
         """Tracks again on the previous frame warped by the first estimate: turned and scaled patches match badly."""
-        warped = stabilise(previous.gray, at_scale(affine_matrix(fit.params), frame.scale))
-        points, moved = self._tracks(warped, frame.gray, frame.scale)
+        matrix = at_scale(affine_matrix(fit.params), frame.scale)
+        mask = None if previous.mask is None else stabilise(previous.mask.astype(np.uint8), matrix) > 0
+        points, moved = self._tracks(stabilise(previous.gray, matrix), frame.gray, mask)
         if len(points) < MIN_TRACKS:
             return None
         origin = apply(inverse(affine_matrix(fit.params)), points / np.float32(frame.scale))

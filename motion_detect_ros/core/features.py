@@ -1,39 +1,149 @@
-"""Corners to track: Shi-Tomasi, spread evenly over the image."""
+"""Points to track, by any of several detectors, spread evenly over the image."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
+import numpy.typing as npt
 
-from motion_detect_ros.core.types import ByteArray, FloatArray
+from motion_detect_ros.core.errors import BackendError
+from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
 
-#: Window of the corner response, pixels.
+#: Window of the corner response, distance that points keep from border and mask, pixels.
 BLOCK_PX = 5
+#: Cells over which points are spread.
+ROWS, COLUMNS = 6, 8
+#: Weight of the squared trace in the score of Harris and Stephens.
+HARRIS_K = 0.04
+#: Contrast that FAST, ORB and BRISK ask for, grey levels.
+CONTRAST_GRAY = 8
+#: ORB finds this many times what is asked for, so that every cell has a choice.
+ORB_SURPLUS = 8
+#: Octaves of BRISK above the image itself: the centre of a large blob is textureless for the tracker.
+BRISK_OCTAVES = 1
+#: Contrast that an extremal region must be stable over, grey levels, and the areas it may have, pixels: the tracker's
+#: window must see its border.
+MSER_DELTA_GRAY, MSER_MIN_AREA, MSER_MAX_AREA = 3, 20, 300
+
+Detector = Callable[[ByteArray, int], tuple[DoubleArray, DoubleArray]]
 
 
-def even_corners(
-    gray: ByteArray, count: int, quality: float, ignore_top_px: int = 0, rows: int = 6, columns: int = 8,
+def find_features(
+    kind: str, gray: ByteArray, count: int, quality: float, mask: BoolArray | None = None,
 ) -> FloatArray:
-    """The strongest corners of every cell of a ``rows`` x ``columns`` grid, so that one textured spot does not own all.
+    """The strongest points of every cell of a grid, so that one textured spot does not own all.
 
-    gray: (H, W) uint8. Returns (N, 2) float32, pixels (x, y), N <= count.
-    Source: Shi and Tomasi 1994 (smallest eigenvalue of the structure tensor), bucketing as in Kitt et al. 2010.
+    kind: ``shi_tomasi`` (smallest eigenvalue of the structure tensor, Shi and Tomasi 1994), ``harris`` (Harris and
+    Stephens 1988), ``fast`` (Rosten and Drummond 2006), ``orb`` (FAST over scales, ranked by Harris, Rublee et al.
+    2011), ``brisk`` (Leutenegger et al. 2011), ``mser`` (centres of small maximally stable regions, Matas et al. 2002).
+    gray: (H, W) uint8; quality: smallest strength, relative to the best; mask: (H, W), nothing is found where it is
+    False nor within ``BLOCK_PX`` of it.
+    Returns (N, 2) float32, pixels (x, y), N <= max(count, number of cells).
+    Raises: BackendError for a kind that is unknown or not in this OpenCV.
+    Source of the grid: Kitt et al. 2010.
     """
-    response = cv2.cornerMinEigenVal(gray, BLOCK_PX, ksize=3)
-    response[:ignore_top_px + BLOCK_PX] = 0.0
-    response[-BLOCK_PX:] = 0.0
-    response[:, :BLOCK_PX] = 0.0
-    response[:, -BLOCK_PX:] = 0.0
-    peak = response == cv2.dilate(response, np.ones((2 * BLOCK_PX + 1, 2 * BLOCK_PX + 1), np.uint8))
+    allowed = _allowed(gray.shape, mask)
+    if kind in RESPONSES:
+        points, strength = _peaks(RESPONSES[kind](gray), allowed, quality)
+    elif kind in DETECTORS:
+        points, strength = _inside(*DETECTORS[kind](gray, count), allowed)
+        strong = strength > quality * strength.max(initial=0.0)
+        points, strength = points[strong], strength[strong]
+    else:
+        raise BackendError(f'features: expected one of {", ".join(KINDS)}, got {kind!r}')
+    return _spread(points, strength, gray.shape, count).astype(np.float32)
+
+
+def check_features(kind: str) -> None:
+    """Raises: BackendError for a kind that is unknown or not in this OpenCV."""
+    find_features(kind, np.zeros((64, 64), np.uint8), ROWS * COLUMNS, 0.5)
+
+
+def _shi_tomasi(gray: ByteArray) -> FloatArray:
+    response: FloatArray = cv2.cornerMinEigenVal(gray, BLOCK_PX, ksize=3)
+    return response
+
+
+def _harris(gray: ByteArray) -> FloatArray:
+    response: FloatArray = cv2.cornerHarris(gray, BLOCK_PX, ksize=3, k=HARRIS_K)
+    return response
+
+
+def _fast(gray: ByteArray, _count: int) -> tuple[DoubleArray, DoubleArray]:
+    return _keypoints(cv2.FastFeatureDetector_create(CONTRAST_GRAY).detect(gray))
+
+
+def _orb(gray: ByteArray, count: int) -> tuple[DoubleArray, DoubleArray]:
+    return _keypoints(cv2.ORB_create(
+        ORB_SURPLUS * count, edgeThreshold=BLOCK_PX, fastThreshold=CONTRAST_GRAY).detect(gray))
+
+
+def _brisk(gray: ByteArray, _count: int) -> tuple[DoubleArray, DoubleArray]:
+    create = getattr(cv2, 'BRISK_create', None) or getattr(getattr(cv2, 'xfeatures2d', None), 'BRISK_create', None)
+    if create is None:
+        raise BackendError(f'features brisk: not in this OpenCV ({cv2.__version__}); '
+                           'install opencv-contrib-python-headless')
+    return _keypoints(create(CONTRAST_GRAY, BRISK_OCTAVES).detect(gray))
+
+
+def _mser(gray: ByteArray, _count: int) -> tuple[DoubleArray, DoubleArray]:
+    """Centres of gravity; a region is the stronger the larger it is."""
+    regions, _ = cv2.MSER_create(MSER_DELTA_GRAY, MSER_MIN_AREA, MSER_MAX_AREA).detectRegions(gray)
+    centres = np.array([region.mean(axis=0) for region in regions], np.float64).reshape(-1, 2)
+    return centres, np.array([len(region) for region in regions], np.float64)
+
+
+RESPONSES: dict[str, Callable[[ByteArray], FloatArray]] = {'shi_tomasi': _shi_tomasi, 'harris': _harris}
+DETECTORS: dict[str, Detector] = {'fast': _fast, 'orb': _orb, 'brisk': _brisk, 'mser': _mser}
+KINDS = (*RESPONSES, *DETECTORS)
+
+
+def _keypoints(found: tuple[cv2.KeyPoint, ...]) -> tuple[DoubleArray, DoubleArray]:
+    """(N, 2) positions and (N,) strengths."""
+    points = np.array([keypoint.pt for keypoint in found], np.float64).reshape(-1, 2)
+    return points, np.array([keypoint.response for keypoint in found], np.float64)
+
+
+def _allowed(shape: tuple[int, ...], mask: BoolArray | None) -> BoolArray:
+    """(H, W): pixels at least ``BLOCK_PX`` away from the border and from what ``mask`` rules out."""
+    allowed = np.zeros(shape, np.bool_)
+    allowed[BLOCK_PX:-BLOCK_PX, BLOCK_PX:-BLOCK_PX] = True
+    if mask is not None:
+        side = 2 * BLOCK_PX + 1
+        allowed &= cv2.erode(mask.view(np.uint8), np.ones((side, side), np.uint8)) > 0
+    return allowed
+
+
+def _peaks(response: FloatArray, allowed: BoolArray, quality: float) -> tuple[DoubleArray, DoubleArray]:
+    """Local maxima of a response map over ``quality`` times the greatest."""
+    response[~allowed] = 0.0
+    side = 2 * BLOCK_PX + 1
+    peak = response == cv2.dilate(response, np.ones((side, side), np.uint8))
     ys, xs = np.nonzero(peak & (response > quality * float(response.max())))
-    cells = (ys * rows // gray.shape[0]) * columns + xs * columns // gray.shape[1]
-    order = np.lexsort((-response[ys, xs], cells))
-    keep = order[_rank_in_group(cells[order]) < max(1, count // (rows * columns))]
-    return np.column_stack([xs[keep], ys[keep]]).astype(np.float32)
+    return np.column_stack([xs, ys]).astype(np.float64), response[ys, xs].astype(np.float64)
 
 
-def _rank_in_group(sorted_groups: np.ndarray) -> np.ndarray:
+def _inside(points: DoubleArray, strength: DoubleArray, allowed: BoolArray) -> tuple[DoubleArray, DoubleArray]:
+    column, row = np.rint(points).astype(np.intp).T
+    keep = allowed[row, column]
+    return points[keep], strength[keep]
+
+
+def _spread(points: DoubleArray, strength: DoubleArray, shape: tuple[int, ...], count: int) -> DoubleArray:
+    """The same number of points from every cell, strongest first."""
+    column, row = points.astype(np.intp).T
+    cells = (row * ROWS // shape[0]) * COLUMNS + column * COLUMNS // shape[1]
+    order = np.lexsort((-strength, cells))
+    keep = order[_rank_in_group(cells[order]) < max(1, count // (ROWS * COLUMNS))]
+    chosen: DoubleArray = points[keep]
+    return chosen
+
+
+def _rank_in_group(sorted_groups: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
     """Position of each element within its run of equal values: [3, 3, 5, 5, 5] -> [0, 1, 0, 1, 2]."""
     position = np.arange(len(sorted_groups))
     starts = np.flatnonzero(np.r_[True, sorted_groups[1:] != sorted_groups[:-1]][:len(sorted_groups)])
-    return position - np.repeat(starts, np.diff(np.r_[starts, len(sorted_groups)]))
+    ranks: npt.NDArray[np.intp] = position - np.repeat(starts, np.diff(np.r_[starts, len(sorted_groups)]))
+    return ranks

@@ -11,7 +11,6 @@ from motion_detect_ros.core.boxes import Box, Patch, bounding_patch, connected_p
 from motion_detect_ros.core.config import BackgroundConfig
 from motion_detect_ros.core.contact import bearings
 from motion_detect_ros.core.ego_chain import MAX_LINKS, EgoChain
-from motion_detect_ros.core.features import even_corners
 from motion_detect_ros.core.segments import connected_segments
 from motion_detect_ros.core.types import CameraModel, EgoMotion, EgoStatus, empty_detections
 from motion_detect_ros.core.warp import apply, at_scale, grid_points
@@ -73,16 +72,6 @@ class TestEgoChain:
         for index in range(3 * MAX_LINKS):
             chain.append(ego(index, index + 1, np.eye(3)))
         assert len(chain.look_backs()) == MAX_LINKS
-
-
-def test_corners_are_spread_and_keep_out_of_ignored_rows():
-    random = np.random.default_rng(0)
-    picture = random.integers(100, 110, (240, 320)).astype(np.uint8)
-    picture[100:160, 200:280] = random.integers(0, 255, (60, 80))  # one corner with ten times the contrast
-    points = even_corners(picture, 480, 1e-5, ignore_top_px=40)
-    assert points[:, 1].min() >= 40
-    inside = ((points >= [200, 100]) & (points < [280, 160])).all(axis=1).mean()
-    assert inside < 0.25
 
 
 class TestBackground:
