@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from motion_detect_ros.core.errors import ConfigError
+from motion_detect_ros.core.scene_mask import parse_regions
 from motion_detect_ros.core.settings import setting
 
 
@@ -24,8 +25,19 @@ class PreprocessingConfig:
 
 
 @dataclass(frozen=True)
+    mean_shift_px: int = setting(
+        0, 'radius of mean-shift smoothing, 0 = off; tens of ms and more a frame', low=0, high=20, unit='px')
+    mean_shift_gray: float = setting(
+        12.0, 'grey levels that mean-shift smoothing mixes', low=1.0, high=128.0, unit='grey levels')
 class EgoMotionConfig:
     """Background motion from tracked corners."""
+    ignore_regions: str = setting(
+        '', 'regions of the full-resolution image never looked at, "x,y,w,h; x,y,w,h"', unit='px')
+    find_overlay: bool = setting(
+        False, 'corners that stay the same for seconds while the picture moves are masked as burnt-in overlay')
+
+    def __post_init__(self) -> None:
+        parse_regions(self.ignore_regions)
 
     features: str = setting(
         'shi_tomasi', 'what is tracked', choices=('shi_tomasi', 'harris', 'fast', 'orb', 'brisk', 'mser'))
