@@ -3,7 +3,8 @@
 What a model must be:
 
 - Inputs, float32: two pictures of shape (1, 3, h, w), the current one first; or one input that holds both,
-  (1, 6, h, w), (2, 3, h, w) or (1, 2, 3, h, w). Values 0 to 255, RGB; a model that wants another range scales them itself.
+  (1, 6, h, w), (2, 3, h, w) or (1, 2, 3, h, w). Values 0 to 255, RGB; a model that wants another range scales them
+  itself.
 - The last output is the flow, (1, 2, h, w) of the input's h and w, pixels, from the first picture to the second.
 - h and w are open, then pictures are padded to a multiple of 8 by repeating the border, or fixed, then pictures are
   resized to them and the flow is resized and scaled back.
