@@ -3,13 +3,14 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
+EXTRAS := .venv-extras
 
 export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 export AMENT_PREFIX_PATH := $(VIRTUAL_ENV)
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 export ROS_HOME ?= $(CURDIR)/$(VENV)/ros_home
 
-.PHONY: setup demo test lint bench clean
+.PHONY: setup demo test test-extras lint bench clean
 
 setup: $(STAMP)
 
@@ -36,8 +37,18 @@ lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
+# The tests of optional flow methods, in an environment of their own: contrib replaces the OpenCV of .venv.
+test-extras: $(EXTRAS)/.ready
+	$(EXTRAS)/bin/python -m pytest -p no:cacheprovider test/core/test_optical_flow.py test/core/test_optical_flow_onnx.py
+
+$(EXTRAS)/.ready: setup.py
+	$(PYTHON) -m venv $(EXTRAS)
+	$(EXTRAS)/bin/pip install --quiet --disable-pip-version-check \
+	  numba scipy PyYAML tqdm opencv-contrib-python-headless onnxruntime onnx hypothesis pytest pytest-timeout
+	@touch $@
+
 bench: $(STAMP)
 	$(BIN)/python -m motion_detect_ros bench
 
 clean:
-	rm -rf $(VENV) build install log out *.egg-info
+	rm -rf $(VENV) $(EXTRAS) build install log out *.egg-info

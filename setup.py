@@ -29,9 +29,12 @@ setup(
         'tqdm>=4.60',
     ],
     extras_require={
+        'contrib': ['opencv-contrib-python-headless>=4.6'],
+        'onnx': ['onnxruntime>=1.16'],
         'ros': ['ros-jazzy-rclpy', 'ros-jazzy-common-interfaces', 'ros-jazzy-rmw-fastrtps-cpp'],
         'test': ['hypothesis', 'mypy', 'pytest', 'pytest-cov', 'pytest-timeout', 'ruff',
                  'types-PyYAML', 'types-tqdm'],
+        'test-extras': ['onnx>=1.15'],
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),

@@ -34,7 +34,7 @@ FORBIDDEN = {
     'tools': rf'rosidl\w*|lark|cv_bridge|{MESSAGES}|{PACKAGE}\.nodes',
 }
 #: The perception core knows no files, devices or processes either.
-CORE_THIRD_PARTY = frozenset({'numpy', 'numba', 'cv2', 'scipy', PACKAGE})
+CORE_THIRD_PARTY = frozenset({'numpy', 'numba', 'cv2', 'scipy', 'onnxruntime', PACKAGE})
 CORE_STDLIB_DENIED = frozenset({
     'os', 'io', 'pathlib', 'shutil', 'tempfile', 'subprocess', 'multiprocessing', 'socket', 'sys', 'sqlite3'})
 CORE_CALLS_DENIED = frozenset({'open', 'imread', 'imwrite', 'VideoCapture', 'VideoWriter', 'imshow'})

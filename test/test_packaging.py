@@ -22,7 +22,7 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 NODES = ('camera', 'ego_motion', 'optical_flow', 'art2_clustering', 'pipeline', 'overlay', 'bag_player')
 #: Not part of a clone, and large.
 _NOT_SOURCE = shutil.ignore_patterns(
-    '.venv', '.git', '__pycache__', '.*_cache', '.hypothesis', 'build', 'install', 'log', 'out', '*.egg-info')
+    '.venv*', '.git', '__pycache__', '.*_cache', '.hypothesis', 'build', 'install', 'log', 'out', '*.egg-info')
 #: What users know a dependency by, where it is not the name that is imported.
 _IMPORT_NAMES = {'opencv-python-headless': 'cv2', 'PyYAML': 'yaml'}
 

@@ -27,8 +27,8 @@ from motion_detect_ros.core.art2_memory import Art2Memory, LabelArray
 from motion_detect_ros.core.config import Art2Config
 from motion_detect_ros.core.types import DoubleArray, FloatArray
 
-#: Fast learning stops when no weight changes by more than this share of 1 / (1 - d), or after so many updates.
-SETTLED_SHARE, MAX_UPDATES = 1e-4, 500
+#: Fast learning ends when every weight is within this share of where updates lead it, or after so many updates.
+SETTLED_SHARE, MAX_UPDATES = 1e-3, 1000
 #: Seed of the order in which a pass presents the vectors, once they are sorted.
 ORDER_SEED = 0
 
@@ -67,6 +67,10 @@ class Art2Classic(Art2Memory[Settled]):
     def _compete(self, f1: Settled, labels: LabelArray, match: FloatArray) -> int:
         return int(_compete(f1.u, f1.still, self.prototypes, self._constants, self._config.vigilance, labels, match))
 
+    def _grow(self, f1: Settled, labels: LabelArray, match: FloatArray) -> None:
+        super()._grow(f1, labels, match)
+        self._compete(f1, labels, match)
+
     def _compete_new(self, f1: Settled, labels: LabelArray, match: FloatArray) -> None:
         _match_new(f1.u, f1.still, self.prototypes, self._constants, match)
 
@@ -74,7 +78,7 @@ class Art2Classic(Art2Memory[Settled]):
         return commitment(f1.u[index], self._constants)
 
     def _learn(self, f1: Settled, labels: LabelArray) -> None:
-        updates = 1 if self._config.learning == 'slow' else MAX_UPDATES
+        updates = MAX_UPDATES if self._config.learning == 'fast' else 1
         _present_all(f1.vectors, f1.order, self.prototypes, self._constants, self._config.vigilance,
                      self._config.learning_rate, updates)
 
@@ -138,7 +142,7 @@ def _match_new(u, still, prototypes, k, match):  # type: ignore[no-untyped-def]
 def _present_all(vectors, order, prototypes, k, vigilance, rate, updates):  # type: ignore[no-untyped-def]
     """One pass: every vector settles, searches, and teaches the neuron that resonates; none is committed."""
     f1, reset = np.zeros((6, vectors.shape[1]), np.float32), np.zeros(prototypes.shape[0], np.bool_)
-    tolerance = SETTLED_SHARE / (1.0 - k.d)
+    tolerance = SETTLED_SHARE * rate * k.d
     for i in order:
         settle(vectors[i], prototypes, k, f1)
         winner, _, _ = search(prototypes, k, vigilance, reset, f1)

@@ -12,6 +12,7 @@ from motion_detect_ros.core.flow_features import motion_vectors
 from motion_detect_ros.core.memory import Earlier, FrameMemory
 from motion_detect_ros.core.objects import MotionField, ObjectFinder
 from motion_detect_ros.core.optical_flow import total_to_residual
+from motion_detect_ros.core.scene_mask import scene_cells
 from motion_detect_ros.core.scene_model import SceneModel
 from motion_detect_ros.core.segments import connected_segments
 from motion_detect_ros.core.static_scene import guessed_camera
@@ -69,7 +70,8 @@ class ClusteringStage:
 
     def _candidates(self, frame: PreparedFrame, earlier: Earlier, flow: FlowField) -> list[Candidate]:
         residual = total_to_residual(flow.flow, earlier.matrix, flow.width, flow.height)
-        residual[:self._ignored_rows(flow)] = np.nan
+        if frame.mask is not None:
+            residual[~scene_cells(frame.mask, earlier.matrix, frame.scale, *residual.shape[:2])] = np.nan
         background = self._scene.fit(flow.flow, residual, self._camera_of(flow))
         vectors = motion_vectors(residual, background)
         labels = self._art2.partial_fit(vectors.reshape(-1, 2)).reshape(vectors.shape[:2])
@@ -83,7 +85,3 @@ class ClusteringStage:
         if self.camera is None:
             return guessed_camera(flow.width, flow.height, self._config.background.focal_share)
         return self.camera.resized(flow.width, flow.height)
-
-    def _ignored_rows(self, flow: FlowField) -> int:
-        rows = self._config.preprocessing.ignore_top_px * flow.flow.shape[0] / flow.height
-        return int(np.ceil(rows))

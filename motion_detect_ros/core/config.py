@@ -9,7 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from motion_detect_ros.core.errors import ConfigError
+from motion_detect_ros.core.scene_mask import parse_regions
 from motion_detect_ros.core.settings import setting
+
+#: Methods of dense flow (``core.flow_backends``).
+FLOW_METHODS = (
+    'dis', 'dis_ultrafast', 'dis_fast', 'dis_medium', 'farneback', 'lk', 'variational',
+    'dual_tvl1', 'deepflow', 'simpleflow', 'rlof', 'pcaflow', 'onnx')
 
 
 @dataclass(frozen=True)
@@ -19,8 +25,19 @@ class PreprocessingConfig:
     max_width_px: int = setting(
         960, 'wider images are shrunk to this width before processing', low=64, high=8192, unit='px')
     median_kernel_px: int = setting(0, 'median filter size, 0 = off', low=0, high=7, unit='px')
+    mean_shift_px: int = setting(
+        0, 'radius of mean-shift smoothing, 0 = off; tens of ms and more a frame', low=0, high=20, unit='px')
+    mean_shift_gray: float = setting(
+        12.0, 'grey levels that mean-shift smoothing mixes', low=1.0, high=128.0, unit='grey levels')
     ignore_top_px: int = setting(
         0, 'rows at the top of the image never looked at (burnt-in text)', low=0, high=2000, unit='px')
+    ignore_regions: str = setting(
+        '', 'regions of the full-resolution image never looked at, "x,y,w,h; x,y,w,h"', unit='px')
+    find_overlay: bool = setting(
+        False, 'corners that stay the same for seconds while the picture moves are masked as burnt-in overlay')
+
+    def __post_init__(self) -> None:
+        parse_regions(self.ignore_regions)
 
 
 @dataclass(frozen=True)
@@ -50,17 +67,26 @@ class EgoMotionConfig:
 class OpticalFlowConfig:
     """Dense flow."""
 
+    method: str = setting(
+        'dis', 'dis is dis_fast with the two settings below; from dual_tvl1 on they need opencv-contrib, onnx needs '
+        'onnxruntime', choices=FLOW_METHODS)
+    onnx_model: str = setting('', 'file of the network that method onnx runs')
     baseline_s: float = setting(
         0.04, 'time over which flow is measured (the nearest whole number of frames, at least one)',
         low=0.001, high=2.0, unit='s')
     finest_scale: int = setting(
-        2, 'finest pyramid level of DIS, 0 = full resolution', low=0, high=4)
+        2, 'finest pyramid level of methods dis and variational, 0 = full resolution', low=0, high=4)
     refinement_iterations: int = setting(
-        2, 'rounds of variational refinement of DIS on every level', low=0, high=50)
+        2, 'rounds of variational refinement on every level, method dis', low=0, high=50)
     grid_px: int = setting(4, 'cell size of the published flow grid, working-resolution pixels',
                            low=1, high=32, unit='px')
     forward_backward_px: float = setting(
         0.7, 'largest accepted forward-backward error', low=0.05, high=20.0, unit='px')
+
+    def __post_init__(self) -> None:
+        if self.method == 'onnx' and not self.onnx_model:
+            raise ConfigError('optical_flow.onnx_model: expected the file of a network for optical_flow.method onnx, '
+                              'got none')
 
 
 @dataclass(frozen=True)

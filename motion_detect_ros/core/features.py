@@ -18,16 +18,16 @@ ROWS, COLUMNS = 6, 8
 #: Weight of the squared trace in the score of Harris and Stephens.
 HARRIS_K = 0.04
 #: Contrast that FAST, ORB and BRISK ask for, grey levels.
-CONTRAST_GRAY = 8
+CONTRAST_GRAY = 4
 #: ORB finds this many times what is asked for, so that every cell has a choice.
-ORB_SURPLUS = 8
+ORB_SURPLUS = 32
 #: Octaves of BRISK above the image itself: the centre of a large blob is textureless for the tracker.
 BRISK_OCTAVES = 1
 #: Contrast that an extremal region must be stable over, grey levels, and the areas it may have, pixels: the tracker's
 #: window must see its border.
-MSER_DELTA_GRAY, MSER_MIN_AREA, MSER_MAX_AREA = 3, 20, 300
+MSER_DELTA_GRAY, MSER_MIN_AREA, MSER_MAX_AREA = 2, 20, 1000
 
-Detector = Callable[[ByteArray, int], tuple[DoubleArray, DoubleArray]]
+Detector = Callable[[ByteArray, int, ByteArray], tuple[DoubleArray, DoubleArray]]
 
 
 def find_features(
@@ -48,7 +48,7 @@ def find_features(
     if kind in RESPONSES:
         points, strength = _peaks(RESPONSES[kind](gray), allowed, quality)
     elif kind in DETECTORS:
-        points, strength = _inside(*DETECTORS[kind](gray, count), allowed)
+        points, strength = _inside(*DETECTORS[kind](gray, count, allowed.view(np.uint8)), allowed)
         strong = strength > quality * strength.max(initial=0.0)
         points, strength = points[strong], strength[strong]
     else:
@@ -71,24 +71,24 @@ def _harris(gray: ByteArray) -> FloatArray:
     return response
 
 
-def _fast(gray: ByteArray, _count: int) -> tuple[DoubleArray, DoubleArray]:
-    return _keypoints(cv2.FastFeatureDetector_create(CONTRAST_GRAY).detect(gray))
+def _fast(gray: ByteArray, _count: int, allowed: ByteArray) -> tuple[DoubleArray, DoubleArray]:
+    return _keypoints(cv2.FastFeatureDetector_create(CONTRAST_GRAY).detect(gray, allowed))
 
 
-def _orb(gray: ByteArray, count: int) -> tuple[DoubleArray, DoubleArray]:
+def _orb(gray: ByteArray, count: int, allowed: ByteArray) -> tuple[DoubleArray, DoubleArray]:
     return _keypoints(cv2.ORB_create(
-        ORB_SURPLUS * count, edgeThreshold=BLOCK_PX, fastThreshold=CONTRAST_GRAY).detect(gray))
+        ORB_SURPLUS * count, edgeThreshold=BLOCK_PX, fastThreshold=CONTRAST_GRAY).detect(gray, allowed))
 
 
-def _brisk(gray: ByteArray, _count: int) -> tuple[DoubleArray, DoubleArray]:
+def _brisk(gray: ByteArray, _count: int, allowed: ByteArray) -> tuple[DoubleArray, DoubleArray]:
     create = getattr(cv2, 'BRISK_create', None) or getattr(getattr(cv2, 'xfeatures2d', None), 'BRISK_create', None)
     if create is None:
         raise BackendError(f'features brisk: not in this OpenCV ({cv2.__version__}); '
                            'install opencv-contrib-python-headless')
-    return _keypoints(create(CONTRAST_GRAY, BRISK_OCTAVES).detect(gray))
+    return _keypoints(create(CONTRAST_GRAY, BRISK_OCTAVES).detect(gray, allowed))
 
 
-def _mser(gray: ByteArray, _count: int) -> tuple[DoubleArray, DoubleArray]:
+def _mser(gray: ByteArray, _count: int, _allowed: ByteArray) -> tuple[DoubleArray, DoubleArray]:
     """Centres of gravity; a region is the stronger the larger it is."""
     regions, _ = cv2.MSER_create(MSER_DELTA_GRAY, MSER_MIN_AREA, MSER_MAX_AREA).detectRegions(gray)
     centres = np.array([region.mean(axis=0) for region in regions], np.float64).reshape(-1, 2)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from motion_detect_ros.core.config import OpticalFlowConfig, PipelineConfig
+from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.flow_backends import FlowFunction, make_flow
 from motion_detect_ros.core.memory import Earlier, FrameMemory
 from motion_detect_ros.core.types import (
     ByteArray,
@@ -26,7 +27,7 @@ class OpticalFlowStage:
 
     def __init__(self, config: PipelineConfig) -> None:
         self._config = config.optical_flow
-        self._flow = DisFlow(self._config)
+        self._flow = make_flow(self._config)
         self._memory = FrameMemory(self._config.baseline_s)
 
     def reset(self) -> None:
@@ -50,7 +51,8 @@ class OpticalFlowStage:
         """Total displacement on the grid: flow of the stabilised pair, put back under the ego-motion."""
         rows, columns = self._grid(frame)
         stabilised = stabilise(earlier.gray, at_scale(earlier.matrix, frame.scale))
-        shift = self._flow.both_ways(frame.gray, stabilised, rows, columns) / np.float32(frame.scale)
+        shift = both_ways(self._flow, frame.gray, stabilised, rows, columns, self._config.forward_backward_px)
+        shift /= np.float32(frame.scale)
         points = grid_points(rows, columns, frame.width, frame.height)
         origin = apply(inverse(earlier.matrix), points + shift)
         flow = points - origin
@@ -58,30 +60,24 @@ class OpticalFlowStage:
         return flow
 
 
-class DisFlow:
-    """Dense inverse search (Kroeger et al. 2016) with a forward-backward check (Sundaram et al. 2010)."""
+def both_ways(
+    flow: FlowFunction, current: ByteArray, earlier: ByteArray, rows: int, columns: int, limit_px: float,
+) -> FloatArray:
+    """(rows, columns, 2) displacement from ``current`` to ``earlier``, NaN where the way back does not return.
 
-    def __init__(self, config: OpticalFlowConfig) -> None:
-        self._limit_px = config.forward_backward_px
-        self._dis = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
-        self._dis.setFinestScale(config.finest_scale)
-        self._dis.setVariationalRefinementIterations(config.refinement_iterations)
-
-    def both_ways(self, current: ByteArray, earlier: ByteArray, rows: int, columns: int) -> FloatArray:
-        """(rows, columns, 2) displacement from ``current`` to ``earlier``, NaN where the way back does not return.
-
-        Averaged over the cells of the grid first: at the finest scale in use the flow is no finer than that.
-        """
-        there, back = (cv2.resize(self._dis.calc(one, other, None), (columns, rows), interpolation=cv2.INTER_AREA)
-                       for one, other in ((current, earlier), (earlier, current)))
-        cell_px = np.array([current.shape[1] / columns, current.shape[0] / rows], np.float32)
-        target = there / cell_px + grid_points(rows, columns, columns, rows)
-        returned = cv2.remap(back, target, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        error = np.square(there + returned).sum(axis=2)
-        length = np.square(there).sum(axis=2) + np.square(returned).sum(axis=2)
-        there[error > self._limit_px ** 2 + RETURN_SHARE * length] = np.nan
-        flow: FloatArray = there
-        return flow
+    Averaged over the cells of the grid first: most methods are no finer than that. limit_px: largest distance between
+    a point and where the way there and back leads, plus a share of their lengths.
+    """
+    there, back = (cv2.resize(flow(one, other), (columns, rows), interpolation=cv2.INTER_AREA)
+                   for one, other in ((current, earlier), (earlier, current)))
+    cell_px = np.array([current.shape[1] / columns, current.shape[0] / rows], np.float32)
+    target = there / cell_px + grid_points(rows, columns, columns, rows)
+    returned = cv2.remap(back, target, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    error = np.square(there + returned).sum(axis=2)
+    length = np.square(there).sum(axis=2) + np.square(returned).sum(axis=2)
+    there[~(error <= limit_px ** 2 + RETURN_SHARE * length)] = np.nan
+    checked: FloatArray = there
+    return checked
 
 
 def outside(points: FloatArray, width: int, height: int) -> np.ndarray:

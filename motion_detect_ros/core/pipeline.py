@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -62,6 +63,7 @@ class MotionPipeline:
 
     def reset(self) -> None:
         """Forget every earlier frame, cluster and track; ids go on counting, none is used twice."""
+        self._preprocessor.reset()
         self._ego_motion.reset()
         self._optical_flow.reset()
         self._clustering.reset()
@@ -69,7 +71,8 @@ class MotionPipeline:
 
 def warm_up(config: PipelineConfig) -> None:
     """Compile (or load from the cache) every kernel and touch the memory, so that no real frame has to wait."""
-    pipeline = MotionPipeline(config)
+    seen = replace(config.preprocessing, ignore_top_px=0, ignore_regions='')  # made for pictures of another size
+    pipeline = MotionPipeline(replace(config, preprocessing=seen))
     width = max(MIN_WARM_UP_PX, config.preprocessing.max_width_px)
     random = np.random.default_rng(0)
     ground = random.integers(0, 255, (width * 9 // 16, width), np.uint8)

@@ -185,8 +185,10 @@ class TestEvidence:
 
 class TestSettings:
     def test_every_setting_is_explained_and_has_a_range(self):
-        for name, _, metadata in settings(PipelineConfig()):
+        for name, value, metadata in settings(PipelineConfig()):
             assert len(metadata['doc']) > 10, name
+            if type(value) in (bool, str) and not metadata['choices']:
+                continue
             assert metadata['choices'] or (metadata['low'] is not None and metadata['high'] is not None), name
 
     @pytest.mark.parametrize(('name', 'value', 'message'), [
