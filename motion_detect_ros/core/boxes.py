@@ -9,6 +9,9 @@ import numpy as np
 
 from motion_detect_ros.core.types import BoolArray, FloatArray
 
+#: Area of the box around two parts of one body, at most, over the sum of their own boxes.
+MAX_SPREAD = 1.3
+
 
 @dataclass(frozen=True)
 class Box:
@@ -93,7 +96,11 @@ def bounding_patch(mask: BoolArray) -> Patch:
 
 
 def joined_patches(patches: list[Patch], gap_share: float) -> list[Patch]:
-    """Joins patches that are closer than ``gap_share`` of the smaller one's size, until none are."""
+    """Joins patches that are parts of one body, until none are.
+
+    They are closer than ``gap_share`` of the smaller one's size, and together fill their box as they fill their own:
+    the front and the back of a car do, two cars side by side do not.
+    """
     done: list[Patch] = []
     waiting = list(patches)
     while waiting:
@@ -109,4 +116,5 @@ def joined_patches(patches: list[Patch], gap_share: float) -> list[Patch]:
 
 def _close(a: Patch, b: Patch, gap_share: float) -> bool:
     size_px = float(np.sqrt(min(a.box.area, b.box.area)))
-    return a.box.gap(b.box) <= gap_share * size_px
+    packed = a.box.union(b.box).area <= MAX_SPREAD * (a.box.area + b.box.area)
+    return packed and a.box.gap(b.box) <= gap_share * size_px

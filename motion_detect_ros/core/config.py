@@ -165,9 +165,9 @@ class ObjectsConfig:
     min_fill: float = setting(
         0.1, 'smallest share of a box that must be explained by its own motion', low=0.0, high=1.0)
     closing_px: int = setting(
-        9, 'gaps up to this size within an object are closed', low=1, high=99, unit='px')
+        5, 'gaps up to this size within an object are closed', low=1, high=99, unit='px')
     join_gap_share: float = setting(
-        0.25, "patches of one motion are joined across a gap up to this share of the smaller one's size",
+        0.4, "patches of one motion are joined across a gap up to this share of the smaller one's size",
         low=0.0, high=5.0)
 
 
