@@ -16,8 +16,10 @@ from motion_detect_ros.core.scene_mask import scene_cells
 from motion_detect_ros.core.scene_model import SceneModel
 from motion_detect_ros.core.segments import connected_segments
 from motion_detect_ros.core.static_scene import guessed_camera
-from motion_detect_ros.core.tracks import Candidate, Tracker
+from motion_detect_ros.core.track import Candidate
+from motion_detect_ros.core.tracks import Tracker
 from motion_detect_ros.core.types import (
+    NANOSECONDS,
     CameraModel,
     EgoMotion,
     EgoStatus,
@@ -43,6 +45,7 @@ class ClusteringStage:
         self._art2 = make_art2(config.art2)
         self._finder = ObjectFinder(config.objects)
         self._tracker = Tracker(config.tracks)
+        self._stamp_ns: int | None = None
 
     @property
     def neurons(self) -> int:
@@ -55,14 +58,18 @@ class ClusteringStage:
         self._scene.reset()
         self._art2.reset()
         self._tracker.reset()
+        self._stamp_ns = None
 
     def process(self, frame: PreparedFrame, flow: FlowField, ego: EgoMotion) -> RecordArray:
         """Confirmed moving objects in ``frame``, dtype ``DETECTION_DTYPE``; empty where there is no ego-motion."""
         earlier = self._memory.step(frame, ego)
         if ego.status in STARTS_ANEW:
             self._tracker.reset()
+        elif self._stamp_ns is not None and self._stamp_ns < ego.prev_stamp_ns:
+            self._tracker.wait((ego.prev_stamp_ns - self._stamp_ns) / NANOSECONDS, frame.width)
+        self._stamp_ns = frame.stamp_ns
         if earlier is None:
-            self._tracker.skip()
+            self._tracker.skip(ego.matrix if ego.ok else None, ego.dt_s, frame.width, frame.height)
             return empty_detections()
         candidates = self._candidates(frame, earlier, flow)
         records = self._tracker.step(candidates, ego.matrix, ego.dt_s, frame.width, frame.height)

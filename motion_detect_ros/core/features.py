@@ -102,8 +102,8 @@ KINDS = (*RESPONSES, *DETECTORS)
 
 def _keypoints(found: tuple[cv2.KeyPoint, ...]) -> tuple[DoubleArray, DoubleArray]:
     """(N, 2) positions and (N,) strengths."""
-    points = np.array([keypoint.pt for keypoint in found], np.float64).reshape(-1, 2)
-    return points, np.array([keypoint.response for keypoint in found], np.float64)
+    points = np.asarray(cv2.KeyPoint_convert(found), np.float64).reshape(-1, 2)
+    return points, np.fromiter((keypoint.response for keypoint in found), np.float64, len(found))
 
 
 def _allowed(shape: tuple[int, ...], mask: BoolArray | None) -> BoolArray:

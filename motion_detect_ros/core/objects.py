@@ -20,7 +20,7 @@ from motion_detect_ros.core.config import ObjectsConfig
 from motion_detect_ros.core.evidence import ImagePair, Support, image_noise, support
 from motion_detect_ros.core.scoring import log_odds
 from motion_detect_ros.core.segments import Segment
-from motion_detect_ros.core.tracks import Candidate
+from motion_detect_ros.core.track import Candidate
 from motion_detect_ros.core.types import BoolArray, FloatArray
 from motion_detect_ros.core.warp import grid_points
 

@@ -194,6 +194,12 @@ class TestEntropyAndCoherence:
         assert entropy(flow, 11)[5, 5] == pytest.approx(np.log(2))
         assert coherence(flow, 11)[5, 5] == pytest.approx(0.0, abs=1e-6)
 
+    def test_noise_about_an_axis_of_the_image_is_one_direction(self):
+        for vector in ((3.0, 0.1), (-3.0, 0.1), (0.1, 3.0), (0.1, -3.0)):
+            flow = uniform(vector)
+            flow[::2] = np.where(np.abs(vector) > 1.0, vector, -np.array(vector))
+            np.testing.assert_allclose(entropy(flow, 5), 0.0, atol=1e-6)
+
     def test_coherence_is_weighted_by_length(self):
         flow = uniform((3.0, 0.0), (1, 3))
         flow[0, 2] = (-1.0, 0.0)

@@ -5,9 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from motion_detect_ros.core.config import TracksConfig
+from motion_detect_ros.core.clustering_stage import ClusteringStage
+from motion_detect_ros.core.config import PipelineConfig, TracksConfig
+from motion_detect_ros.core.ego_motion import no_estimate
 from motion_detect_ros.core.scoring import log_odds, probability
-from motion_detect_ros.core.tracks import Candidate, Tracker
+from motion_detect_ros.core.track import Candidate
+from motion_detect_ros.core.tracks import Tracker
+from motion_detect_ros.core.types import EgoMotion, EgoStatus, FlowField, PreparedFrame
 
 DT_S = 0.05
 CONFIG = TracksConfig(confirm_hits=3, confirm_frames=5, coast_frames=2)
@@ -71,15 +75,107 @@ def test_ids_are_never_used_twice():
         tracker.reset()
 
 
-def test_frames_without_ego_motion_count_as_misses():
-    tracker = Tracker(CONFIG)
-    for _ in range(4):
-        tracker.step([candidate(50, 50)], np.eye(3), DT_S, 640, 480)
-    tracker.skip()
-    assert len(tracker.step([candidate(50, 50)], np.eye(3), DT_S, 640, 480)) == 1
-    for _ in range(CONFIG.coast_frames + 1):
-        tracker.skip()
-    assert len(tracker.step([candidate(50, 50)], np.eye(3), DT_S, 640, 480)) == 0
+class TestMissingEgoMotion:
+    def steady(self, tracker: Tracker, frames: int = 12):
+        for index in range(frames):
+            records = tracker.step([candidate(100 + 5 * index, 100, (100, 0))], np.eye(3), DT_S, 640, 480)
+        return records
+
+    def test_the_same_object_is_found_again_where_the_camera_put_it(self):
+        tracker = Tracker(CONFIG)
+        before = self.steady(tracker)  # at 155
+        tracker.skip(None, DT_S, 640, 480)
+        # own motion two frames further, the camera jumped 14 px in the frame without ego-motion
+        after = tracker.step([candidate(165 + 14, 100, (100, 0))], np.eye(3), DT_S, 640, 480)
+        assert after['id'].tolist() == before['id'].tolist()
+        assert after['age'][0] == before['age'][0] + 2
+        assert after['u'][0] == pytest.approx(179, abs=2.0)  # the jump is believed
+        assert after['vel_u'][0] == pytest.approx(100.0, abs=4.0)  # and is not taken for speed
+
+    def test_without_the_missing_frame_a_jump_is_another_object(self):
+        tracker = Tracker(CONFIG)
+        before = self.steady(tracker)
+        for index in range(4):
+            after = tracker.step([candidate(160 + 5 * index + 30, 100, (100, 0))], np.eye(3), DT_S, 640, 480)
+        assert after['id'].tolist() != before['id'].tolist()
+
+    def test_own_motion_goes_on_for_the_time_that_passed(self):
+        tracker = Tracker(CONFIG)
+        self.steady(tracker)  # at 155
+        tracker.wait(0.4, 640)
+        records = tracker.step([], np.eye(3), DT_S, 640, 480)
+        assert records['u'][0] == pytest.approx(155 + 100 * 0.45, abs=1.0)
+
+    def test_known_motion_of_the_camera_is_used_even_when_nothing_was_looked_for(self):
+        tracker, pan = Tracker(CONFIG), np.array([[1, 0, 60.0], [0, 1, 0], [0, 0, 1]])
+        self.steady(tracker)
+        tracker.skip(pan, DT_S, 640, 480)
+        records = tracker.step([], np.eye(3), DT_S, 640, 480)
+        assert records['u'][0] == pytest.approx(155 + 60 + 10, abs=1.0)
+
+    def test_ends_as_after_misses(self):
+        tracker = Tracker(CONFIG)
+        self.steady(tracker)
+        for _ in range(CONFIG.coast_frames + 1):
+            tracker.skip(None, DT_S, 640, 480)
+        assert len(tracker.step([], np.eye(3), DT_S, 640, 480)) == 0
+
+
+def test_the_stage_tells_missing_estimates_and_missing_frames_from_known_ones(monkeypatch):
+    calls = []
+    monkeypatch.setattr(Tracker, 'skip', lambda self, matrix, dt_s, width, height: calls.append(
+        ('skip', None if matrix is None else matrix[0, 2], round(dt_s, 3), width, height)))
+    monkeypatch.setattr(Tracker, 'wait', lambda self, dt_s, width: calls.append(('wait', round(dt_s, 3), width)))
+    stage, gray = ClusteringStage(PipelineConfig()), np.zeros((48, 64), np.uint8)
+    pan = np.array([[1, 0, 3.0], [0, 1, 0], [0, 0, 1]])
+
+    def frame(ego: EgoMotion):
+        flow = FlowField(np.full((12, 16, 2), np.nan, np.float32), 64, 48, ego.stamp_ns)
+        stage.process(PreparedFrame(gray, 1.0, 64, 48, ego.stamp_ns), flow, ego)
+    frame(no_estimate(EgoStatus.FIRST_FRAME, 0, 0))
+    frame(no_estimate(EgoStatus.LOW_TEXTURE, 50_000_000, 0))
+    # this stage never got the frame of 100 ms
+    frame(EgoMotion(pan, np.eye(6), EgoStatus.OK, 150_000_000, 100_000_000))
+    assert calls == [('skip', None, 0.0, 64, 48), ('skip', None, 0.05, 64, 48),
+                     ('wait', 0.05, 64), ('skip', 3.0, 0.05, 64, 48)]
+
+
+#: Noise of the centre and of the velocity (shares of the side), acceleration (sides/s^2), share of the speed that the
+#: flow misses, correlation of the centre's error from frame to frame.
+NOISES = {
+    'as assumed': (0.12, 0.72, 2.0, 0.0, 0.0),
+    'steady and clean': (0.03, 0.1, 0.0, 0.0, 0.0),
+    'manoeuvring and clean': (0.02, 0.05, 5.0, 0.0, 0.0),
+    'noisy': (0.2, 1.5, 1.0, 0.0, 0.0),
+    'flow too short, boxes that wander': (0.06, 0.09, 1.0, 0.1, 0.8),
+    'flow much too short': (0.03, 0.05, 1.0, 0.35, 0.5),
+}
+
+
+@pytest.mark.parametrize('noise', NOISES.values(), ids=NOISES.keys())
+def test_true_velocity_lies_within_the_reported_interval(noise):
+    """Sixty objects for each kind of noise; the intervals are neither too narrow nor idle."""
+    centre, flow, acceleration, missing, memory = noise
+    random, side, inside, errors, variances = np.random.default_rng(5), 40.0, [], [], []
+    for _ in range(60):
+        tracker, position, velocity = Tracker(CONFIG), np.array([2000.0, 2000.0]), random.normal(0, 60, 2)
+        wander = random.normal(size=2)
+        for index in range(30):
+            push = random.normal(0, acceleration * side, 2)
+            position, velocity = position + velocity * DT_S + push * DT_S ** 2 / 2, velocity + push * DT_S
+            wander = memory * wander + np.sqrt(1 - memory ** 2) * random.normal(size=2)
+            seen = candidate(*(position + centre * side * wander),
+                             (1 - missing) * velocity + random.normal(0, flow * side, 2), (side, side))
+            records = tracker.step([seen], np.eye(3), DT_S, 4000, 4000)
+            if index >= 8 and len(records):
+                error = np.array([records['vel_u'][0], records['vel_v'][0]]) - velocity
+                variance = np.array([records['var_u'][0], records['var_v'][0]])
+                inside.extend(error ** 2 < 1.96 ** 2 * variance)
+                errors.extend(error ** 2)
+                variances.extend(variance)
+    assert len(inside) > 2000
+    assert np.mean(inside) >= 0.9
+    assert np.sqrt(np.mean(variances) / np.mean(errors)) < (5.5 if noise == NOISES['steady and clean'] else 3.0)
 
 
 def test_boxes_are_cut_at_the_border_and_end_outside():
