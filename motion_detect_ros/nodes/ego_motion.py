@@ -39,6 +39,7 @@ class EgoMotionNode(StageNode):
 
     def reset(self) -> None:
         """Forget the previous frame."""
+        self.locked(self._preprocessor.reset)
         self.locked(self._stage.reset)
 
     def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
