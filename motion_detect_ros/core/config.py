@@ -42,8 +42,11 @@ class PreprocessingConfig:
 
 @dataclass(frozen=True)
 class EgoMotionConfig:
-    """Background motion from tracked corners."""
+    """How the camera moved the background."""
 
+    model: str = setting(
+        'affine', 'family of warps; quadratic is the flow of a plane',
+        choices=('translation', 'similarity', 'affine', 'homography', 'quadratic'))
     features: str = setting(
         'shi_tomasi', 'what is tracked', choices=('shi_tomasi', 'harris', 'fast', 'orb', 'brisk', 'mser'))
     max_corners: int = setting(700, 'features tracked per frame', low=8, high=5000)
@@ -82,6 +85,9 @@ class OpticalFlowConfig:
                            low=1, high=32, unit='px')
     forward_backward_px: float = setting(
         0.7, 'largest accepted forward-backward error', low=0.05, high=20.0, unit='px')
+    search_px: int = setting(
+        0, 'how far fast small objects are searched for where the flow leaves the image unexplained, '
+        'working-resolution pixels, 0 = not', low=0, high=200, unit='px')
 
     def __post_init__(self) -> None:
         if self.method == 'onnx' and not self.onnx_model:
