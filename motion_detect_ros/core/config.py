@@ -67,6 +67,27 @@ class EgoMotionConfig:
 
 
 @dataclass(frozen=True)
+class ImuConfig:
+    """A gyroscope beside the camera."""
+
+    use: bool = setting(
+        False, 'rotation of the IMU as first guess of the ego-motion and in its place where the picture shows none; '
+        'needs a calibrated camera')
+    time_offset_s: float = setting(
+        0.0, "added to the IMU's stamps to get the camera's", low=-10.0, high=10.0, unit='s')
+    roll_rad: float = setting(
+        0.0, "optical frame from IMU frame, Rz(yaw) Ry(pitch) Rx(roll): about the optical x axis; an IMU with x ahead, "
+        'y left, z up needs 1.5708, -1.5708, 0', low=-3.2, high=3.2, unit='rad')
+    pitch_rad: float = setting(0.0, 'the same about y', low=-3.2, high=3.2, unit='rad')
+    yaw_rad: float = setting(0.0, 'the same about z', low=-3.2, high=3.2, unit='rad')
+    noise_rad_s: float = setting(
+        0.01, 'error of the rate averaged over a frame, bias included (standard deviation)',
+        low=1e-6, high=1.0, unit='rad/s')
+    max_gap_s: float = setting(
+        0.15, 'longer gaps between samples are not bridged', low=0.001, high=10.0, unit='s')
+
+
+@dataclass(frozen=True)
 class OpticalFlowConfig:
     """Dense flow."""
 
@@ -201,6 +222,7 @@ class PipelineConfig:
 
     preprocessing: PreprocessingConfig = PreprocessingConfig()
     ego_motion: EgoMotionConfig = EgoMotionConfig()
+    imu: ImuConfig = ImuConfig()
     optical_flow: OpticalFlowConfig = OpticalFlowConfig()
     background: BackgroundConfig = BackgroundConfig()
     art2: Art2Config = Art2Config()
