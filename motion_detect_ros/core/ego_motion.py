@@ -9,6 +9,7 @@ from motion_detect_ros.core.affine import to_centre
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.ego_indirect import IndirectMethod
 from motion_detect_ros.core.ego_measured import centre_of
+from motion_detect_ros.core.gyro_prior import GyroPrior
 from motion_detect_ros.core.motion_models import theta_matrix
 from motion_detect_ros.core.robust_fit import MotionFit
 from motion_detect_ros.core.smoothing import make_smoother
@@ -31,13 +32,22 @@ class EgoMotionStage:
         self.camera = camera
         self._method = IndirectMethod(self._config)
         self._filter = make_smoother(self._config)
+        self._gyro = GyroPrior(config.imu)
         self._previous: PreparedFrame | None = None
         cv2.setRNGSeed(0)
 
     def reset(self) -> None:
-        """Forget the previous frame and the filter's state."""
+        """Forget the previous frame, the filter's state and the angular rates."""
         self._previous = None
         self._filter.reset()
+        self._gyro.reset()
+
+    def add_gyro(self, stamp_ns: int, rate: DoubleArray) -> None:
+        """An angular rate, in order of time, before the first frame that is later. Without ``imu.use``: nothing.
+
+        stamp_ns: of the IMU's clock; rate: (3,) rad/s in the IMU's frame (``core.imu``).
+        """
+        self._gyro.add(stamp_ns, rate)
 
     def process(self, frame: PreparedFrame) -> EgoMotion:
         """Motion from the frame of the last call to ``frame``. Never raises on image content: see ``status``."""
@@ -46,9 +56,12 @@ class EgoMotionStage:
         if previous is None or status != EgoStatus.OK:
             self._filter.reset()
             return no_estimate(status, frame.stamp_ns, frame.stamp_ns)
-        measured = self._method.measure(previous, frame)
+        prior = self._gyro.between(previous, frame, self.camera)
+        measured = self._method.measure(previous, frame, None if prior is None else prior.matrix)
         if measured.fit is None:
             self._filter.reset()
+            if prior is not None:
+                return prior.ego_motion(frame.stamp_ns, previous.stamp_ns, measured.tracks)
             return no_estimate(measured.status, frame.stamp_ns, previous.stamp_ns, measured.tracks)
         return self._smoothed(measured.fit, measured.tracks, previous, frame)
 
