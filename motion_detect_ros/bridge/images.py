@@ -1,4 +1,4 @@
-"""sensor_msgs images <-> numpy. The pixel codec itself is ``sources.encoding``."""
+"""sensor_msgs <-> numpy. The pixel codec itself is ``sources.encoding``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 from builtin_interfaces.msg import Time
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
 from std_msgs.msg import Header
 
 from motion_detect_ros.core.errors import MessageError
@@ -90,6 +90,12 @@ def camera_from_msg(msg: CameraInfo, rectified: bool = False) -> CameraModel | N
     if not fx or not fy:
         return None
     return CameraModel(int(msg.width), int(msg.height), float(fx), float(fy), float(cx), float(cy))
+
+
+def rates_from_msg(msg: Imu) -> tuple[float, float, float]:
+    """Angular velocity about the axes of the message's frame, rad/s."""
+    rate = msg.angular_velocity
+    return float(rate.x), float(rate.y), float(rate.z)
 
 
 def camera_to_msg(camera: CameraModel | None, width: int, height: int, header: Header) -> CameraInfo:

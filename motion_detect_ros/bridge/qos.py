@@ -10,6 +10,7 @@ IMAGE_DEPTH = 1
 RECORD_DEPTH = 5
 CLOCK_DEPTH = 100
 LATCHED_DEPTH = 100
+IMU_DEPTH = 400
 RELIABILITIES = {'reliable': QoSReliabilityPolicy.RELIABLE, 'best_effort': QoSReliabilityPolicy.BEST_EFFORT}
 
 
@@ -28,6 +29,11 @@ def clock_qos() -> QoSProfile:
     """For ``/clock``: whoever steps through time must not miss a step."""
     return QoSProfile(history=QoSHistoryPolicy.KEEP_LAST, depth=CLOCK_DEPTH,
                       reliability=QoSReliabilityPolicy.RELIABLE)
+
+
+def imu_qos(reliability: str = 'reliable') -> QoSProfile:
+    """For ``imu``: none of the samples between two images may be missing."""
+    return QoSProfile(history=QoSHistoryPolicy.KEEP_LAST, depth=IMU_DEPTH, reliability=RELIABILITIES[reliability])
 
 
 def latched_qos() -> QoSProfile:

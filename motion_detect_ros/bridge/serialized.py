@@ -11,6 +11,7 @@ from motion_detect_ros.core.types import NANOSECONDS
 
 #: Types whose first field is a std_msgs/Header: its stamp stands at byte 4 of the serialised message.
 IMAGE_TYPES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
+IMU_TYPE = 'sensor_msgs/msg/Imu'
 
 
 def message_class(name: str) -> Any:

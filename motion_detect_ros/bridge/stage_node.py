@@ -14,6 +14,7 @@ from std_msgs.msg import Header
 
 from motion_detect_ros.bridge import transport
 from motion_detect_ros.bridge.diagnostics import Condition
+from motion_detect_ros.bridge.gyro import GyroInput, Sink
 from motion_detect_ros.bridge.images import camera_from_msg, stamp_ns
 from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode, reason_of
 from motion_detect_ros.bridge.params import declare_config, declare_simple, unknown_parameters
@@ -53,6 +54,7 @@ class StageNode(ManagedNode):
             self, 'queue_size', 2, 'images that may wait for this stage; more are dropped, oldest first', 1, 1000))
         self._join = ExactJoin(('image', *(topic.name for topic in self.inputs)), 2 * self._queue_size + 8)
         self._worker: Worker[tuple[Any, ...]] | None = None
+        self._gyro: GyroInput | None = None
         self._busy = threading.Lock()
         self._join_drops = 0
         self._camera: CameraModel | None = None
@@ -67,6 +69,10 @@ class StageNode(ManagedNode):
 
     def use_camera(self, camera: CameraModel) -> None:
         """The calibration has come. Overridden where a stage uses it."""
+
+    def gyro_sink(self) -> Sink | None:
+        """Where angular rates go, for a stage that uses them. Overridden."""
+        return None
 
     def open(self) -> None:
         """Warm kernels, publishers, stage."""
@@ -83,6 +89,8 @@ class StageNode(ManagedNode):
         self._hear(COMPRESSED if self._compressed else IMAGE, 'image', quality)
         for topic in self.inputs:
             self._hear(topic, topic.name, image_qos('reliable', SUBSCRIPTION_DEPTH))
+        sink = self.gyro_sink() if self.config.imu.use else None
+        self._gyro = GyroInput(self, sink, self.config.imu.time_offset_s) if sink else None
         self.subscribe(CAMERA_INFO.kind, CAMERA_INFO.name, self._on_camera, image_qos(self._reliability))
 
     def end(self) -> None:
@@ -93,9 +101,10 @@ class StageNode(ManagedNode):
         self._join.clear()
 
     def condition(self) -> Condition:
-        """Lags while images pile up in the mailbox."""
+        """Lags while images pile up in the mailbox; misses the IMU that it was told to use."""
         waiting = self._worker.waiting if self._worker else 0
-        return Condition(concern=f'lags, {waiting} images wait' if waiting > WAITING_IMAGES else '')
+        lag = f'lags, {waiting} images wait' if waiting > WAITING_IMAGES else ''
+        return Condition(concern=lag or ('nothing heard on imu yet' if self._gyro and not self._gyro.heard else ''))
 
     def locked(self, action: Callable[[], None]) -> None:
         """Run something between two frames."""
@@ -122,6 +131,8 @@ class StageNode(ManagedNode):
         try:
             with self._busy:
                 self._update_camera()
+                if self._gyro:
+                    self._gyro.feed(stamp_ns(messages[0].header))
                 self.work(messages[0].header, *self._values(messages))
         except MotionDetectError as error:
             self.bad_input(error)

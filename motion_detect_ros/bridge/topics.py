@@ -9,7 +9,7 @@ from typing import Any
 
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu, PointCloud2
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
@@ -20,10 +20,11 @@ from motion_detect_ros.bridge.images import (
     flow_to_msg,
     image_from_msg,
     image_to_msg,
+    rates_from_msg,
     stamp_of,
 )
 from motion_detect_ros.bridge.managed_node import ManagedNode
-from motion_detect_ros.bridge.qos import clock_qos, image_qos, record_qos
+from motion_detect_ros.bridge.qos import clock_qos, image_qos, imu_qos, record_qos
 from motion_detect_ros.bridge.records import detections_to_msg, ego_from_msg, ego_to_msg, read_detections
 from motion_detect_ros.core.types import NANOSECONDS, RecordArray
 
@@ -46,6 +47,7 @@ def _as_it_is(message: Any, _header: Header | None = None) -> Any:
 IMAGE = Topic('image_raw', Image, image_to_msg, image_from_msg, image_qos)
 COMPRESSED = Topic('image_raw/compressed', CompressedImage, compressed_to_msg, image_from_msg, image_qos)
 CAMERA_INFO = Topic('camera_info', CameraInfo, _as_it_is, camera_from_msg, image_qos)
+IMU = Topic('imu', Imu, _as_it_is, rates_from_msg, imu_qos)
 EGO_MOTION = Topic('ego_motion', PointCloud2, ego_to_msg, ego_from_msg, record_qos)
 FLOW = Topic('flow', Image, flow_to_msg, flow_from_msg, image_qos)
 DETECTIONS = Topic('detections', PointCloud2, detections_to_msg, read_detections, record_qos)

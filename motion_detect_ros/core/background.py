@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from motion_detect_ros.core.affine import TUKEY_C
 from motion_detect_ros.core.config import BackgroundConfig
+from motion_detect_ros.core.robust_fit import TUKEY_C
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 
 #: Cells used for the fit at most; more would not change it.

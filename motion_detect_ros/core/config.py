@@ -42,8 +42,11 @@ class PreprocessingConfig:
 
 @dataclass(frozen=True)
 class EgoMotionConfig:
-    """Background motion from tracked corners."""
+    """How the camera moved the background."""
 
+    model: str = setting(
+        'affine', 'family of warps; quadratic is the flow of a plane',
+        choices=('translation', 'similarity', 'affine', 'homography', 'quadratic'))
     features: str = setting(
         'shi_tomasi', 'what is tracked', choices=('shi_tomasi', 'harris', 'fast', 'orb', 'brisk', 'mser'))
     max_corners: int = setting(700, 'features tracked per frame', low=8, high=5000)
@@ -61,6 +64,27 @@ class EgoMotionConfig:
         3000.0, 'how hard the camera may accelerate (standard deviation)', low=1.0, high=1e6, unit='px/s^2')
     max_gap_s: float = setting(
         1.0, 'a longer gap between frames starts everything anew', low=0.01, high=60.0, unit='s')
+
+
+@dataclass(frozen=True)
+class ImuConfig:
+    """A gyroscope beside the camera."""
+
+    use: bool = setting(
+        False, 'rotation of the IMU as first guess of the ego-motion and in its place where the picture shows none; '
+        'needs a calibrated camera')
+    time_offset_s: float = setting(
+        0.0, "added to the IMU's stamps to get the camera's", low=-10.0, high=10.0, unit='s')
+    roll_rad: float = setting(
+        0.0, "optical frame from IMU frame, Rz(yaw) Ry(pitch) Rx(roll): about the optical x axis; an IMU with x ahead, "
+        'y left, z up needs 1.5708, -1.5708, 0', low=-3.2, high=3.2, unit='rad')
+    pitch_rad: float = setting(0.0, 'the same about y', low=-3.2, high=3.2, unit='rad')
+    yaw_rad: float = setting(0.0, 'the same about z', low=-3.2, high=3.2, unit='rad')
+    noise_rad_s: float = setting(
+        0.01, 'error of the rate averaged over a frame, bias included (standard deviation)',
+        low=1e-6, high=1.0, unit='rad/s')
+    max_gap_s: float = setting(
+        0.15, 'longer gaps between samples are not bridged', low=0.001, high=10.0, unit='s')
 
 
 @dataclass(frozen=True)
@@ -82,6 +106,9 @@ class OpticalFlowConfig:
                            low=1, high=32, unit='px')
     forward_backward_px: float = setting(
         0.7, 'largest accepted forward-backward error', low=0.05, high=20.0, unit='px')
+    search_px: int = setting(
+        0, 'how far fast small objects are searched for where the flow leaves the image unexplained, '
+        'working-resolution pixels, 0 = not', low=0, high=200, unit='px')
 
     def __post_init__(self) -> None:
         if self.method == 'onnx' and not self.onnx_model:
@@ -195,6 +222,7 @@ class PipelineConfig:
 
     preprocessing: PreprocessingConfig = PreprocessingConfig()
     ego_motion: EgoMotionConfig = EgoMotionConfig()
+    imu: ImuConfig = ImuConfig()
     optical_flow: OpticalFlowConfig = OpticalFlowConfig()
     background: BackgroundConfig = BackgroundConfig()
     art2: Art2Config = Art2Config()

@@ -1,9 +1,9 @@
 """Kalman smoothing of the six affine ego-motion parameters.
 
-Each parameter follows a constant-velocity model (Bar-Shalom et al. 2001, section 6.3.2, discrete white-noise
-acceleration): state (velocity, acceleration), measurement velocity = parameter / dt. The filter works in
-coordinates about the image centre and divided by half the image's diagonal, where all six are pixels per second,
-so one process noise fits all of them.
+Each parameter's rate of displacement has a Wiener-process acceleration (Bar-Shalom et al. 2001, section 6.3.3, discrete
+form, of which the position is left out): state (rate, acceleration), measurement rate = parameter / dt, and the
+acceleration changes by a random step of ``process_noise_px_per_s2`` from frame to frame. Parameters are about the
+image centre and in pixels (``motion_models``), so one process noise fits all six.
 """
 
 from __future__ import annotations
@@ -34,18 +34,14 @@ class ParameterKalman:
         self._rejected = 0
 
     def update(
-        self, params: DoubleArray, covariance: DoubleArray, stamp_ns: int, dt_s: float, centre: DoubleArray,
+        self, params: DoubleArray, covariance: DoubleArray, stamp_ns: int, dt_s: float,
     ) -> tuple[DoubleArray, DoubleArray, bool]:
         """Filtered parameters, their covariance, and whether the measurement passed the gate.
 
-        params: (6,), covariance: (6, 6) about the image origin, pixels over ``dt_s``; centre: (2,) pixels.
+        params: (6,), covariance: (6, 6) about the image centre, pixels over ``dt_s``.
         """
-        if self._config.smoothing == 'none':
-            return params, covariance, True
-        forward = to_centre(centre) / dt_s
-        accepted = self._step(forward @ params, forward @ covariance @ forward.T, stamp_ns)
-        back = np.linalg.inv(forward)
-        return back @ self._state[:6], back @ self._covariance[:6, :6] @ back.T, accepted
+        accepted = self._step(params / dt_s, covariance / dt_s ** 2, stamp_ns)
+        return self._state[:6] * dt_s, self._covariance[:6, :6] * dt_s ** 2, accepted
 
     def _step(self, measured: DoubleArray, noise: DoubleArray, stamp_ns: int) -> bool:
         if self._stamp_ns is None:
@@ -80,12 +76,3 @@ class ParameterKalman:
         ramp = np.vstack([np.eye(6) * dt_s, np.eye(6)])
         process = variance * ramp @ ramp.T
         return transition @ self._state, transition @ self._covariance @ transition.T + process
-
-
-def to_centre(centre: DoubleArray) -> DoubleArray:
-    """(6, 6) change of parameters: about the origin -> about ``centre``, slopes times half the diagonal."""
-    reach = float(np.hypot(centre[0], centre[1]))
-    block = np.array([[1.0, centre[0], centre[1]], [0.0, reach, 0.0], [0.0, 0.0, reach]])
-    change = np.zeros((6, 6))
-    change[:3, :3] = change[3:, 3:] = block
-    return change

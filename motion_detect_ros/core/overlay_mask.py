@@ -1,4 +1,4 @@
-"""Burnt-in overlays (text, symbols, the own hull): corners that stay the same while the rest of the picture moves."""
+"""Burnt-in overlays (text, symbols, own hull): corners, and edges from them, that stay as the picture moves."""
 
 from __future__ import annotations
 
@@ -20,8 +20,11 @@ TEXTURE_GRAY = 8.0
 CHANGED_SHARE, MOVING_SHARE = 0.05, 0.5
 #: Window of the corner response, pixels.
 CORNER_PX = 5
-#: Response from which there is structure in both directions: edges along the motion stay the same in any scene.
-CORNER_RESPONSE = 2e-3
+#: Smaller eigenvalue of the structure tensor, and its share of the larger one, from which there is structure in both
+#: directions: edges along the motion stay the same in any scene.
+CORNER_RESPONSE, CORNER_SHARE = 2e-3, 0.2
+#: Steps between neighbours that make an edge; edges belong to an overlay where they are connected to its corners.
+EDGE_GRAY = 16
 #: Gaps between the corners of an overlay that are closed, and how far it reaches around them, pixels.
 GAP_PX, REACH_PX = 15, 4
 #: Overlays do not cover more of the picture; what does is the scene.
@@ -83,10 +86,48 @@ def _moving(gray: ByteArray, previous: ByteArray) -> bool:
 
 
 def _overlay_mask(gray: ByteArray, same: BoolArray) -> BoolArray | None:
-    """Corners that stayed the same, closed to patches; None where there are none, or too many to be an overlay."""
-    response: FloatArray = cv2.cornerMinEigenVal(gray, CORNER_PX, ksize=3)
-    corner = response > CORNER_RESPONSE
-    patches = cv2.morphologyEx((corner & same).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((GAP_PX, GAP_PX), np.uint8))
-    reach = np.ones((2 * REACH_PX + 1, 2 * REACH_PX + 1), np.uint8)
-    overlay: BoolArray = cv2.dilate(patches, reach) > 0
-    return ~overlay if 0.0 < overlay.mean() <= MAX_SHARE else None
+    """Structure that stayed the same and has such corners, closed and filled to patches.
+
+    None where there is none, or too much of it to be an overlay.
+    """
+    overlay = np.zeros(gray.shape, np.uint8)
+    structure = ((_edges(gray) | _corners(gray)) & same).astype(np.uint8)
+    closed = cv2.morphologyEx(_connected_to(structure, _corners(gray) & same), cv2.MORPH_CLOSE, _square(GAP_PX))
+    contours, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    framed = [contour for contour in contours if cv2.contourArea(contour) <= MAX_SHARE * gray.size]
+    cv2.drawContours(overlay, framed, -1, 1, cv2.FILLED)
+    overlay = cv2.dilate(overlay | closed, _square(2 * REACH_PX + 1))
+    share = cv2.countNonZero(overlay) / gray.size
+    return overlay == 0 if 0.0 < share <= MAX_SHARE else None
+
+
+def _corners(gray: ByteArray) -> BoolArray:
+    """Structure in both directions; none at the border, where a line ends in every scene."""
+    both: FloatArray = np.abs(cv2.cornerEigenValsAndVecs(gray, CORNER_PX, ksize=3)[..., :2])
+    least = both.min(axis=2)
+    corners: BoolArray = (least > CORNER_RESPONSE) & (least > CORNER_SHARE * both.max(axis=2))
+    for side in (np.s_[:CORNER_PX], np.s_[-CORNER_PX:], np.s_[:, :CORNER_PX], np.s_[:, -CORNER_PX:]):
+        corners[side] = False
+    return corners
+
+
+def _edges(gray: ByteArray) -> BoolArray:
+    """Pixels that differ from the next one across or down."""
+    edges = np.zeros(gray.shape, np.bool_)
+    edges[:, :-1] = cv2.absdiff(gray[:, 1:], gray[:, :-1]) > EDGE_GRAY
+    edges[:-1] |= cv2.absdiff(gray[1:], gray[:-1]) > EDGE_GRAY
+    return edges
+
+
+def _connected_to(pixels: ByteArray, seeds: BoolArray) -> ByteArray:
+    """The connected regions of ``pixels`` that hold a seed."""
+    count, labels = cv2.connectedComponents(pixels)
+    chosen = np.zeros(count, np.uint8)
+    chosen[labels[seeds]] = 1
+    chosen[0] = 0
+    found: ByteArray = chosen[labels]
+    return found
+
+
+def _square(side_px: int) -> ByteArray:
+    return np.ones((side_px, side_px), np.uint8)

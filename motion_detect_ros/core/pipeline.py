@@ -13,7 +13,7 @@ from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.ego_motion import EgoMotionStage
 from motion_detect_ros.core.optical_flow import OpticalFlowStage
 from motion_detect_ros.core.preprocessing import Preprocessor
-from motion_detect_ros.core.types import NANOSECONDS, CameraModel, Result, StageTimes
+from motion_detect_ros.core.types import NANOSECONDS, CameraModel, DoubleArray, Result, StageTimes
 
 #: Width of the scratch pictures at least; they are shrunk like any other.
 MIN_WARM_UP_PX = 480
@@ -55,6 +55,10 @@ class MotionPipeline:
         return Result(stamp_ns, ego, flow, detections, StageTimes(
             1e3 * (prepared - start), 1e3 * (stabilised - prepared),
             1e3 * (flowed - stabilised), 1e3 * (done - flowed)))
+
+    def add_gyro(self, stamp_ns: int, rate: DoubleArray) -> None:
+        """An angular rate, (3,) rad/s in the IMU's frame, in order of time: see ``EgoMotionStage.add_gyro``."""
+        self._ego_motion.add_gyro(stamp_ns, rate)
 
     def use_camera(self, camera: CameraModel) -> None:
         """Calibration from now on."""

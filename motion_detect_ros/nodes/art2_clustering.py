@@ -48,6 +48,7 @@ class Art2ClusteringNode(StageNode):
 
     def reset(self) -> None:
         """Forget frames, neurons and tracks."""
+        self.locked(self._preprocessor.reset)
         self.locked(self._stage.reset)
 
     def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:

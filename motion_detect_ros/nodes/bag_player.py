@@ -7,9 +7,9 @@ from typing import Any
 
 from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.params import declare_simple
-from motion_detect_ros.bridge.qos import image_qos, latched_qos, record_qos
+from motion_detect_ros.bridge.qos import image_qos, imu_qos, latched_qos, record_qos
 from motion_detect_ros.bridge.runner import main_of
-from motion_detect_ros.bridge.serialized import IMAGE_TYPES, header_stamp_ns, message_class
+from motion_detect_ros.bridge.serialized import IMAGE_TYPES, IMU_TYPE, header_stamp_ns, message_class
 from motion_detect_ros.bridge.source_node import SourceNode
 from motion_detect_ros.bridge.topics import CLOCK, TopicPublisher
 from motion_detect_ros.core.errors import MessageError, SourceError
@@ -101,6 +101,8 @@ class BagPlayerNode(SourceNode):
 def _quality(topic: TopicInfo) -> Any:
     if topic.name.rpartition('/')[2] == STATIC_TRANSFORMS:
         return latched_qos()
+    if topic.msgtype == IMU_TYPE:
+        return imu_qos()
     return image_qos() if topic.msgtype in IMAGE_TYPES else record_qos()
 
 

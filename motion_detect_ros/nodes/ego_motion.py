@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from motion_detect_ros.bridge.gyro import Sink
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.stage_node import StageNode
@@ -37,8 +38,13 @@ class EgoMotionNode(StageNode):
         """Hand the calibration on."""
         self._stage.camera = camera
 
+    def gyro_sink(self) -> Sink:
+        """The stage."""
+        return self._stage.add_gyro
+
     def reset(self) -> None:
         """Forget the previous frame."""
+        self.locked(self._preprocessor.reset)
         self.locked(self._stage.reset)
 
     def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:

@@ -34,6 +34,7 @@ class OpticalFlowNode(StageNode):
 
     def reset(self) -> None:
         """Forget earlier frames."""
+        self.locked(self._preprocessor.reset)
         self.locked(self._stage.reset)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any
 
+from motion_detect_ros.bridge.gyro import Sink
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.stage_node import StageNode
@@ -48,6 +49,10 @@ class PipelineNode(StageNode):
     def use_camera(self, camera: CameraModel) -> None:
         """Hand the calibration on."""
         self._pipeline.use_camera(camera)
+
+    def gyro_sink(self) -> Sink:
+        """The pipeline."""
+        return self._pipeline.add_gyro
 
     def reset(self) -> None:
         """Forget all history."""

@@ -64,9 +64,11 @@ class BagFrames:
         Empty where there is none. Malformed messages are left out.
         Raises: SourceError, with a list, where there are several and none has that name.
         """
-        return _gyro(BagReader(self.path), self._choose_imu_topic())
+        return _gyro(BagReader(self.path), self.imu_topic)
 
-    def _choose_imu_topic(self) -> str | None:
+    @property
+    def imu_topic(self) -> str | None:
+        """The topic that ``gyro`` reads. Raises: SourceError as ``gyro``."""
         found = [topic for topic in self._reader.topics if topic.msgtype == messages.IMU and topic.count]
         named = [topic for topic in found if topic.name.lstrip('/') == _IMU] or found
         if len(named) > 1:

@@ -40,8 +40,8 @@ class GyroQueue:
     """
 
     def __init__(self, time_offset_s: float = 0.0) -> None:
-        """time_offset_s: between the clocks of camera and IMU, of either sign; samples are waited for that long."""
-        self._ahead_ns = round(abs(time_offset_s) * NANOSECONDS)
+        """time_offset_s: added to the samples' stamps to get the camera's."""
+        self._offset_ns = round(time_offset_s * NANOSECONDS)
         self._samples: deque[GyroSample] = deque(maxlen=CAPACITY)
         self._latest_ns: int | None = None
         self._missed_ns: int | None = None
@@ -72,13 +72,19 @@ class GyroQueue:
 
     def take(self, stamp_ns: int) -> list[GyroSample]:
         """The samples for a picture of ``stamp_ns`` that were not taken before, in order of time."""
-        taken, end_ns = [], stamp_ns + self._ahead_ns
+        taken, end_ns = [], stamp_ns - self._offset_ns
         with self._changed:
             while self._samples and self._samples[0].stamp_ns < end_ns + NEAR_NS:
                 taken.append(self._samples.popleft())
                 if taken[-1].stamp_ns >= end_ns:
                     break
         return taken
+
+    @property
+    def started(self) -> bool:
+        """Whether any sample has come."""
+        with self._changed:
+            return self._latest_ns is not None
 
     def clear(self) -> None:
         """Forget all samples."""
@@ -87,4 +93,21 @@ class GyroQueue:
             self._latest_ns = None
 
     def _covers(self, stamp_ns: int) -> bool:
-        return self._latest_ns is not None and self._latest_ns >= stamp_ns + self._ahead_ns
+        return self._latest_ns is not None and self._latest_ns + self._offset_ns >= stamp_ns
+
+
+class GyroReplay:
+    """Recorded samples, handed over as a live stage gets them."""
+
+    def __init__(self, samples: Iterator[GyroSample], time_offset_s: float = 0.0) -> None:
+        self._coming = samples
+        self._queue = GyroQueue(time_offset_s)
+
+    def take(self, stamp_ns: int) -> list[GyroSample]:
+        """The samples for a picture of ``stamp_ns``, see ``GyroQueue``; pictures in order of time."""
+        while not self._queue.covers(stamp_ns):
+            sample = next(self._coming, None)
+            if sample is None:
+                break
+            self._queue.add(sample)
+        return self._queue.take(stamp_ns)

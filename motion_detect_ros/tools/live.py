@@ -31,7 +31,7 @@ STOP_TIMEOUT_S = 10.0
 IDLE_TIMEOUT_S = 15.0
 POLL_S = 0.05
 #: What the nodes listen to.
-IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_TOPIC = 'image_raw', 'image_raw/compressed', 'camera_info'
+IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_TOPIC, IMU_TOPIC = 'image_raw', 'image_raw/compressed', 'camera_info', 'imu'
 #: DDS domains that plain Linux port ranges allow.
 DOMAINS = range(1, 101)
 

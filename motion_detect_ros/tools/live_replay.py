@@ -9,9 +9,18 @@ from pathlib import Path
 import motion_detect_ros
 from motion_detect_ros.bridge.serialized import header_stamp_ns
 from motion_detect_ros.core.errors import MessageError, SourceError
+from motion_detect_ros.presets import load_preset
 from motion_detect_ros.sources.bags import BagFrames, BagReader, is_bag
 from motion_detect_ros.sources.messages import COMPRESSED_IMAGE
-from motion_detect_ros.tools.live import CAMERA_TOPIC, COMPRESSED_TOPIC, IMAGE_TOPIC, LiveGraph, Playback, spread
+from motion_detect_ros.tools.live import (
+    CAMERA_TOPIC,
+    COMPRESSED_TOPIC,
+    IMAGE_TOPIC,
+    IMU_TOPIC,
+    LiveGraph,
+    Playback,
+    spread,
+)
 from motion_detect_ros.tools.outputs import SUMMARY_NAME, ReplayOutputs
 
 
@@ -32,6 +41,8 @@ def replay_live(
     topics = {frames.topic.name: COMPRESSED_TOPIC if compressed else IMAGE_TOPIC}
     if frames.camera_topic:
         topics[frames.camera_topic] = CAMERA_TOPIC
+    if load_preset(preset).imu.use and frames.imu_topic:
+        topics[frames.imu_topic] = IMU_TOPIC
     with LiveGraph(preset, compressed=compressed) as graph:
         playback = graph.play(bag.resolve(), images, rate, topics)
     folder.mkdir(parents=True, exist_ok=True)

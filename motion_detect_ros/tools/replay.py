@@ -13,9 +13,11 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from time import perf_counter
 
+import numpy as np
 from tqdm import tqdm
 
 import motion_detect_ros
@@ -25,6 +27,7 @@ from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.presets import load_preset
 from motion_detect_ros.sources.frames import DEFAULT_FPS, FrameSource, SourceFrame, open_source
+from motion_detect_ros.sources.inertial import GyroReplay, InertialSource
 from motion_detect_ros.tools.outputs import Percentiles, ReplayOutputs, Summary, Tally, write_summary
 
 OK, NOTHING, UNREADABLE, PARTIAL = 0, 1, 2, 3
@@ -132,6 +135,7 @@ def replay(job: Job) -> Summary:
     """
     source = open_source(job.path, job.fps, job.topic)
     pipeline = MotionPipeline(job.config, source.camera)
+    gyro = _gyro(source, job.config)
     tally = Tally()
     complete = False
     try:
@@ -140,6 +144,8 @@ def replay(job: Job) -> Summary:
             bar = tqdm(_timed(source, tally), total=source.frame_count, unit='frame', desc=source.name,
                        disable=None if job.progress else True)
             for frame in bar:
+                for sample in gyro.take(frame.stamp_ns) if gyro else ():
+                    pipeline.add_gyro(sample.stamp_ns, np.array(sample.rate))
                 _process(pipeline, frame, outputs, tally)
         complete = True
     finally:
@@ -147,6 +153,17 @@ def replay(job: Job) -> Summary:
         if job.folder.is_dir():
             write_summary(job.folder, summary)
     return summary
+
+
+def _gyro(source: FrameSource, config: PipelineConfig) -> GyroReplay | None:
+    """The angular rates of a source, where the settings want them. Raises: SourceError where it has none."""
+    if not config.imu.use:
+        return None
+    samples = source.gyro() if isinstance(source, InertialSource) else iter(())
+    first = next(samples, None)
+    if first is None:
+        raise SourceError(f'{source.name}: imu.use expects angular rates (a topic of type Imu, oxts), found none')
+    return GyroReplay(chain((first,), samples), config.imu.time_offset_s)
 
 
 def _process(pipeline: MotionPipeline, frame: SourceFrame, outputs: ReplayOutputs, tally: Tally) -> None:

@@ -182,6 +182,20 @@ class TestOverlay:
         elsewhere[5:39, 15:225] = False
         assert mask[elsewhere].mean() > 0.995
 
+    def test_a_frame_is_masked_with_all_that_is_in_it(self):
+        mask = self.run(self.noisy(self.with_text(index), index) for index in range(60))
+        assert not mask[self.BAR].any()
+
+    def test_an_oblique_line_along_the_motion_is_scene(self):
+        """It stays the same, and so do its ends at the border of the picture."""
+        def pictures():
+            ground = world(1, 500, 900)
+            for index in range(60):
+                picture = ground[3 * index:3 * index + 240, 6 * index:6 * index + 320].copy()
+                cv2.line(picture, (-20, 40), (420, 260), 250, 5)
+                yield self.noisy(picture, index)
+        assert self.run(pictures()) is None
+
     def test_it_takes_seconds_of_motion(self):
         assert self.run(self.noisy(self.with_text(index), index) for index in range(25)) is None
 
