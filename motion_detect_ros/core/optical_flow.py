@@ -7,6 +7,7 @@ import numpy as np
 
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.flow_backends import FlowFunction, make_flow
+from motion_detect_ros.core.flow_search import search_fast_movers
 from motion_detect_ros.core.memory import Earlier, FrameMemory
 from motion_detect_ros.core.types import (
     ByteArray,
@@ -52,6 +53,8 @@ class OpticalFlowStage:
         rows, columns = self._grid(frame)
         stabilised = stabilise(earlier.gray, at_scale(earlier.matrix, frame.scale))
         shift = both_ways(self._flow, frame.gray, stabilised, rows, columns, self._config.forward_backward_px)
+        if self._config.search_px:
+            shift = search_fast_movers(shift, frame.gray, stabilised, self._config.search_px)
         shift /= np.float32(frame.scale)
         points = grid_points(rows, columns, frame.width, frame.height)
         origin = apply(inverse(earlier.matrix), points + shift)
