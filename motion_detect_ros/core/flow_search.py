@@ -28,6 +28,8 @@ SECOND_BEST = 1.1
 MIN_CELLS, CLUSTER_BLOCKS, MAX_BLOCKS = 3, 24, 120
 #: Blocks that must agree on a motion, how closely, and motions tried in one cluster.
 MIN_VOTES, AGREE_PX, MAX_MOTIONS = 2, 1.5, 3
+#: Motions closer to the found flow are left to the flow method: what is not fast it sees.
+MIN_DIFFERENCE_PX = 2.0
 
 #: Pixel deviation of a difference of two pictures from its median absolute value (Gaussian).
 MEDIAN_TO_SIGMA = 1.4826
@@ -157,13 +159,17 @@ def _refined(current, earlier, centres, motions, good):  # type: ignore[no-untyp
 
 @numba.njit(cache=True, nogil=True)
 def _take(result, known, left, cells, centres, motions, current, earlier):  # type: ignore[no-untyped-def]
-    """Give each cell the motion that explains it best, where that is much better and the place it came from changed."""
+    """Give each cell the motion that explains it best, where that is much better, another motion, and the place
+    it came from changed.
+    """
     rows, columns = left.shape
     for n in range(len(cells)):
         r, c, x, y = cells[n, 0], cells[n, 1], centres[n, 0], centres[n, 1]
         best = EXPLAINED_SHARE * block_error(current, earlier, x, y, known[r, c, 0], known[r, c, 1], JUDGE_HALF_PX)
         for m in range(len(motions)):
             dx, dy = motions[m, 0], motions[m, 1]
+            if np.hypot(dx - known[r, c, 0], dy - known[r, c, 1]) < MIN_DIFFERENCE_PX:
+                continue
             from_c, from_r = int((x + dx) * columns / current.shape[1]), int((y + dy) * rows / current.shape[0])
             if not (0 <= from_r < rows and 0 <= from_c < columns) or left[from_r, from_c] == 0:
                 continue
