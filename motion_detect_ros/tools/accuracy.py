@@ -1,7 +1,7 @@
 """All real clips through the detector, scored against their truth: the table of docs/accuracy.md.
 
     python -m motion_detect_ros.tools.accuracy [CLIP ...] [--data DIR] [--set NAME=VALUE ...] [--jobs N]
-        [--all-objects] [--record NAME] [--against NAME] [--pictures DIR]
+        [--all-objects] [--record NAME] [--against NAME] [--pictures DIR] [--write docs/accuracy.md]
     python -m motion_detect_ros.tools.accuracy --floors test/floors.json [--renew]
 
 ``--data`` (default: the variable MOTION_DETECT_DATA) holds ``clips.json``: for each clip the folder of frames, the
@@ -33,8 +33,11 @@ from motion_detect_ros.tools.accuracy_record import (
     record_named,
 )
 from motion_detect_ros.tools.accuracy_table import table
+from motion_detect_ros.tools.generated import replace_section
 
 RECORDS = Path(__file__).resolve().parents[2] / 'docs' / 'accuracy.json'
+#: Sections of a document that ``--write`` fills, by counting.
+SECTIONS = {'moving': 'clips', 'all': 'clips, all objects'}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -59,6 +62,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument('--record', metavar='NAME', help='append this run to the recorded ones')
     parser.add_argument('--against', metavar='NAME', help='recorded run to compare with (default: the last)')
     parser.add_argument('--pictures', type=Path, metavar='DIR', help='draw the worst frames of each clip')
+    parser.add_argument('--write', type=Path, metavar='FILE', help='put the table, without changes, into this document')
     parser.add_argument('--floors', type=Path, metavar='FILE', help='only check the F1 floors of this file')
     parser.add_argument('--renew', action='store_true', help='with --floors: write what was measured, less 0.03')
     return parser
@@ -88,13 +92,16 @@ def _measure(options: argparse.Namespace, changes: Mapping[str, Any]) -> int:
     jobs = [Job(clip, changes) for clip in read_clips(options.data, options.clips)]
     runs = list(run_jobs(jobs, options.jobs))
     record = make_record(options.record or 'this run', runs, changes)
-    print('\n'.join(table(record, before, 'all' if options.all_objects else 'moving')))
+    counting = 'all' if options.all_objects else 'moving'
+    print('\n'.join(table(record, before, counting)))
     if before:
         print(f'\nIn brackets: change against {_describe(before)}.')
     if options.record:
         append_record(options.records, record)
+    if options.write:
+        replace_section(options.write, SECTIONS[counting], table(record, counting=counting))
     if options.pictures:
-        for path in write_sheets(runs, options.pictures, 'all' if options.all_objects else 'moving'):
+        for path in write_sheets(runs, options.pictures, counting):
             print(path)
     return 0
 

@@ -114,6 +114,15 @@ class TestCommand:
         assert accuracy.main([*base, '--all-objects']) == 0
         assert float(cells(capsys.readouterr().out.splitlines()[2])[1]) > 0.6
 
+    def test_table_goes_into_a_document(self, made: Path, tmp_path: Path) -> None:
+        page = tmp_path / 'page.md'
+        page.write_text('<!-- generated: clips, all objects -->\n<!-- end: clips, all objects -->\nrest\n')
+        assert accuracy.main(['made_stands', '--data', str(made), '--records', str(tmp_path / 'none.json'),
+                              '--jobs', '1', '--all-objects', '--write', str(page)]) == 0
+        lines = page.read_text().splitlines()
+        assert lines[1].startswith('| clip | F1 at 0.3 |') and lines[-1] == 'rest'
+        assert float(cells(lines[3])[1]) > 0.6
+
     def test_pictures(self, made: Path, tmp_path: Path) -> None:
         assert accuracy.main(['made_stands', '--data', str(made), '--records', str(tmp_path / 'none.json'),
                               '--jobs', '1', '--pictures', str(tmp_path / 'sheets')]) == 0
