@@ -91,10 +91,13 @@ def read_records(path: Path) -> list[Record]:
 
 
 def append_record(path: Path, record: Record) -> None:
-    """Add a run at the end of the file, which is made where it is missing."""
+    """Add a run at the end of the file, which is made where it is missing. Raises: SourceError."""
     runs = [*read_records(path), record]
     content = {'runs': [_rounded(asdict(run)) for run in runs]}
-    path.write_text(json.dumps(content, indent=1) + '\n', encoding='utf-8')
+    try:
+        path.write_text(json.dumps(content, indent=1) + '\n', encoding='utf-8')
+    except OSError as error:
+        raise SourceError(f'{path}: the run cannot be recorded: {error.strerror}') from None
 
 
 def record_named(records: Sequence[Record], name: str | None) -> Record | None:

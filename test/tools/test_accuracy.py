@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
+from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import TRUTH_DTYPE, empty_detections
 from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
 from motion_detect_ros.sources.truth import read_truth, write_truth
@@ -25,7 +26,7 @@ from motion_detect_ros.tools.accuracy_pictures import (
     draw_verdict,
     worst_frames,
 )
-from motion_detect_ros.tools.accuracy_record import ClipFigures, Figures, Record, read_records
+from motion_detect_ros.tools.accuracy_record import ClipFigures, Figures, Record, append_record, read_records
 from motion_detect_ros.tools.accuracy_table import table
 from motion_detect_ros.tools.metrics import judge_frame
 
@@ -195,6 +196,11 @@ class TestTable:
         assert rows['`b_1`'][0] == '0.90', 'no change'
         assert rows['mean of 3'][0] == '0.70 (+0.05)', 'half of the change of a_1'
         assert rows['mean of 3'][5] == '40'
+
+
+def test_record_needs_its_folder(tmp_path: Path) -> None:
+    with pytest.raises(SourceError, match='the run cannot be recorded: No such file'):
+        append_record(tmp_path / 'nowhere' / 'runs.json', TestTable.record(a_1=0.5))
 
 
 class TestPictures:
