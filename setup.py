@@ -29,6 +29,7 @@ setup(
         'tqdm>=4.60',
     ],
     extras_require={
+        'compare': ['artlib>=0.1.7', 'scikit-learn>=1.3'],
         'contrib': ['opencv-contrib-python-headless>=4.6'],
         'onnx': ['onnxruntime>=1.16'],
         'ros': ['ros-jazzy-rclpy', 'ros-jazzy-common-interfaces', 'ros-jazzy-rmw-fastrtps-cpp'],

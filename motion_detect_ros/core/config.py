@@ -160,6 +160,9 @@ class Art2Config:
         'slow', 'classic: slow = one weight update for each vector, fast = updates until the weights settle',
         choices=('slow', 'fast'))
     a: float = setting(10.0, 'classic: feedback from u to w', low=0.0, high=1000.0)
+    spread_match: float = setting(
+        0.6, 'magnitude: they spread until all that clearly moves matches one so well; 0.6 tells speeds of 3 : 7 and'
+        ' directions of 47 degrees apart, 0.8 speeds of 2 : 3 and 23 degrees', low=0.0, high=1.0)
     b: float = setting(10.0, 'classic: feedback from q to v', low=0.0, high=1000.0)
     c: float = setting(0.1, 'classic: weight of p in the test for reset; c d / (1 - d) is at most 1', low=0.0, high=1.0)
     d: float = setting(0.9, 'classic: output of the winning neuron', low=0.01, high=0.99)
