@@ -220,6 +220,21 @@ class TracksConfig:
 
 
 @dataclass(frozen=True)
+class LoadConfig:
+    """How much of the stream is worked on."""
+
+    take: int = setting(1, 'the first so many ...', low=1, high=1000, unit='frames')
+    of: int = setting(
+        1, '... of every so many frames are processed, the others as if never seen; 2 of 5: pairs for the flow, and '
+        'time to process them', low=1, high=1000, unit='frames')
+    threads: int = setting(0, 'threads of OpenCV, 0 = as many as there are cores', low=0, high=256)
+
+    def __post_init__(self) -> None:
+        if self.take > self.of:
+            raise ConfigError(f'load.take: expected at most load.of ({self.of}), got {self.take}')
+
+
+@dataclass(frozen=True)
 class PipelineConfig:
     """All stages. ``PipelineConfig()`` is the default preset."""
 
@@ -231,3 +246,4 @@ class PipelineConfig:
     art2: Art2Config = Art2Config()
     objects: ObjectsConfig = ObjectsConfig()
     tracks: TracksConfig = TracksConfig()
+    load: LoadConfig = LoadConfig()

@@ -30,8 +30,10 @@ from motion_detect_ros.tools.live import own_domain
 PERIOD_S = 10.0
 #: Memory after this share of the run is compared; before it, caches fill.
 SETTLED_SHARE = 0.25
-#: Megabytes an hour, and in all, that a steady node may gain after that; share of the pictures that may be lost.
-GROWTH_MB_PER_HOUR, GROWTH_MB, LOST_SHARE = 20.0, 5.0, 0.02
+#: Megabytes an hour, and in all, that a steady node may gain after that.
+GROWTH_MB_PER_HOUR, GROWTH_MB = 20.0, 5.0
+#: Pictures that may be neither answered nor counted as dropped: what came since the last report, and a share.
+UNREPORTED, LOST_SHARE = 40, 0.002
 NODE = 'pipeline'
 
 
@@ -54,7 +56,9 @@ class Sample:
 
 @dataclass(frozen=True)
 class SoakSummary:
-    """``growth_mb_per_hour``: slope of a line through the memory of the settled part; ``steady``: the verdict."""
+    """``lost``: pictures neither answered nor counted as dropped by the node; ``growth_mb_per_hour``: slope of a line
+    through the memory of the settled part; ``steady``: the verdict.
+    """
 
     minutes: float
     rate_hz: float
@@ -62,6 +66,7 @@ class SoakSummary:
     answered: int
     dropped: int
     errors: int
+    lost: int
     memory_first_mb: float
     memory_last_mb: float
     memory_highest_mb: float
@@ -132,16 +137,17 @@ def summarize(samples: Sequence[Sample], rate_hz: float) -> SoakSummary:
     memory = [sample.memory_mb for sample in settled] or [math.nan]
     sent, answered = sum(sample.sent for sample in samples), sum(sample.answered for sample in samples)
     growth, per_hour = memory[-1] - memory[0], _per_hour(settled)
+    dropped, errors = sum(sample.dropped for sample in samples), sum(sample.errors for sample in samples)
+    lost = max(0, sent - answered - dropped - errors)
     grows = growth > GROWTH_MB and per_hour > GROWTH_MB_PER_HOUR
     known = [sample for sample in samples if math.isfinite(sample.latency_p50_ms)]
     return SoakSummary(
-        round(samples[-1].seconds / 60.0, 2) if samples else 0.0, rate_hz, sent, answered,
-        sum(sample.dropped for sample in samples), sum(sample.errors for sample in samples),
+        round(samples[-1].seconds / 60.0, 2) if samples else 0.0, rate_hz, sent, answered, dropped, errors, lost,
         memory[0], memory[-1], max(memory), round(growth, 1), round(per_hour, 1),
         round(float(np.median([sample.latency_p50_ms for sample in known] or [math.nan])), 2),
         round(float(np.median([sample.latency_p95_ms for sample in known] or [math.nan])), 2),
         max((sample.latency_max_ms for sample in known), default=math.nan),
-        bool(sent) and not grows and sent - answered <= max(2.0, LOST_SHARE * sent))
+        bool(sent) and not grows and not errors and lost <= max(UNREPORTED, LOST_SHARE * sent))
 
 
 def _per_hour(samples: Sequence[Sample]) -> float:

@@ -37,8 +37,10 @@ def test_caches_that_fill_at_the_start_are_no_leak():
     assert summarize(filling, 20.0).steady
 
 
-def test_lost_pictures_are_seen():
+def test_lost_pictures_are_seen_dropped_ones_are_told_apart():
     assert not summarize([replace(sample, answered=190) for sample in STEADY], 20.0).steady
+    dropping = summarize([replace(sample, answered=190, dropped=10) for sample in STEADY], 20.0)
+    assert (dropping.steady, dropping.dropped, dropping.lost) == (True, 1800, 0)
     assert not summarize([], 20.0).steady
 
 
