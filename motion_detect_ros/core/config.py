@@ -16,6 +16,8 @@ from motion_detect_ros.core.settings import setting
 FLOW_METHODS = (
     'dis', 'dis_ultrafast', 'dis_fast', 'dis_medium', 'farneback', 'lk', 'variational',
     'dual_tvl1', 'deepflow', 'simpleflow', 'rlof', 'pcaflow', 'onnx')
+#: Those that a first guess helps.
+WARM_METHODS = ('dis', 'dis_ultrafast', 'dis_fast', 'dis_medium', 'farneback', 'lk', 'variational')
 
 
 @dataclass(frozen=True)
@@ -109,8 +111,17 @@ class OpticalFlowConfig:
     search_px: int = setting(
         0, 'how far fast small objects are searched for where the flow leaves the image unexplained, '
         'working-resolution pixels, 0 = not', low=0, high=200, unit='px')
+    warm_start: bool = setting(
+        False, 'the flow of the last frame, carried along by the ego-motion, is the first guess of the next; methods '
+        'up to variational')
+    full_every: int = setting(
+        1, 'flow of the whole image in every such frame, in between only around the last moving cells',
+        low=1, high=100, unit='frames')
 
     def __post_init__(self) -> None:
+        if self.warm_start and self.method not in WARM_METHODS:
+            raise ConfigError(f'optical_flow.warm_start: expected optical_flow.method one of '
+                              f'{", ".join(WARM_METHODS)}, got {self.method}')
         if self.method == 'onnx' and not self.onnx_model:
             raise ConfigError('optical_flow.onnx_model: expected the file of a network for optical_flow.method onnx, '
                               'got none')
