@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 from motion_detect_ros.core.config import PipelineConfig
@@ -73,22 +74,22 @@ WITHOUT_SWITCH = (
     'the prediction of tracks through the ego-motion')
 
 
-def table(whole: Figures, without: Mapping[str, Figures], parts: Sequence[Part]) -> list[str]:
-    """Markdown: means over the clips, the whole detector first."""
-    lines = ['| without | F1 at 0.3 | F1 at 0.5 | precision | recall | false boxes a frame | settings |',
-             '|---|---|---|---|---|---|---|', _row(WHOLE, whole, whole, '')]
-    for part in parts:
+def rows(parts: Sequence[Part], means: Iterable[Figures]) -> Iterator[str]:
+    """Lines of a markdown table, each as soon as it is known. means: of the whole detector, then without each part."""
+    figures = iter(means)
+    whole = next(figures)
+    yield from ('| without | F1 at 0.3 | F1 at 0.5 | precision | recall | false boxes a frame | settings |',
+                '|---|---|---|---|---|---|---|', _row(WHOLE, whole, whole, ''))
+    for part, mean in zip(parts, figures, strict=True):
         settings = ', '.join(f'`{name}={value}`' for name, value in part.off.items())
-        lines.append(_row(part.name, without[part.name], whole, settings + (f' ({part.note})' if part.note else '')))
-    return lines
+        yield _row(part.name, mean, whole, settings + (f' ({part.note})' if part.note else ''))
 
 
-def measure(parts: Sequence[Part], runs: Sequence[ClipRun]) -> tuple[Figures, dict[str, Figures]]:
-    """Means of the whole detector and without each part. runs: of ``jobs_of``, in its order."""
-    clips = len(runs) // (len(parts) + 1)
-    means = [Figures.mean([Figures.of(run, 'moving') for run in runs[start:start + clips]])
-             for start in range(0, len(runs), clips)]
-    return means[0], {part.name: mean for part, mean in zip(parts, means[1:], strict=True)}
+def means_of(runs: Iterable[ClipRun], clips: int) -> Iterator[Figures]:
+    """The mean of each ``clips`` runs one after the other."""
+    ahead = iter(runs)
+    while group := list(islice(ahead, clips)):
+        yield Figures.mean([Figures.of(run, 'moving') for run in group])
 
 
 def jobs_of(parts: Sequence[Part], data: Path, clips: Sequence[str] = ()) -> list[Job]:
@@ -111,10 +112,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     try:
         parts = _chosen(options.parts)
-        runs = list(run_jobs(jobs_of(parts, options.data, options.clips), options.jobs))
-        whole, without = measure(parts, runs)
-        lines = [*table(whole, without, parts), '', f'No setting takes out: {"; ".join(WITHOUT_SWITCH)}.']
-        print('\n'.join(lines))
+        jobs = jobs_of(parts, options.data, options.clips)
+        lines = []
+        for line in rows(parts, means_of(run_jobs(jobs, options.jobs), len(jobs) // (len(parts) + 1))):
+            print(line, flush=True)
+            lines.append(line)
+        lines += ['', f'No setting takes out: {"; ".join(WITHOUT_SWITCH)}.']
+        print('\n'.join(lines[-2:]))
         if options.write:
             replace_section(options.write, SECTION, lines)
     except MotionDetectError as error:

@@ -27,7 +27,7 @@ def test_every_part_can_be_taken_out_of_a_preset(part: ablation.Part) -> None:
 
 def test_changes_are_against_the_whole() -> None:
     parts = [ablation.Part('wheels', {'art2.a': 1.0}, 'nearly')]
-    lines = ablation.table(Figures(0.6, 0.5, 0.7, 0.5, 1.0), {'wheels': Figures(0.5, 0.5, 0.7, 0.4, 1.25)}, parts)
+    lines = list(ablation.rows(parts, [Figures(0.6, 0.5, 0.7, 0.5, 1.0), Figures(0.5, 0.5, 0.7, 0.4, 1.25)]))
     assert lines[2] == '| nothing | 0.60 | 0.50 | 0.70 | 0.50 | 1.00 |  |'
     assert lines[3] == '| wheels | 0.50 (-0.10) | 0.50 | 0.70 | 0.40 (-0.10) | 1.25 (+0.25) | `art2.a=1.0` (nearly) |'
 
@@ -40,10 +40,9 @@ def test_runs_are_told_apart_by_their_order(tmp_path: Path) -> None:
     false['u'], false['width'], false['height'] = 500, 20, 20
     blind = ClipRun(clip, dict.fromkeys(range(4), empty_detections()), 1.0)
     wrong = ClipRun(clip, dict.fromkeys(range(4), false), 1.0)
-    part = ablation.PARTS[0]
-    whole, without = ablation.measure([part], [blind, blind, blind, wrong])
+    whole, without = ablation.means_of([blind, blind, blind, wrong], 2)
     assert whole.false_per_frame == 0.0
-    assert without[part.name].false_per_frame == 0.5, 'one false box a frame on one of two clips'
+    assert without.false_per_frame == 0.5, 'one false box a frame on one of two clips'
 
 
 def test_unknown_part(capsys: pytest.CaptureFixture[str]) -> None:
