@@ -3,8 +3,8 @@
     python -m motion_detect_ros.tools.flow_table [--frames N] [--methods NAME ...] [--set NAME=VALUE ...]
 
 End-point error of the published flow, pixels, of cells wholly on the background and wholly on one moving object; the
-share of both that the way back confirms; median time of the stage, both ways, at 960 x 540 on one thread. What is not
-installed is left out with a note.
+share of both that the way back confirms; median processor time of the stage, both ways, at 960 x 540 on one thread.
+What is not installed is left out with a note.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Cells:
 
 @dataclass(frozen=True)
 class Row:
-    """Errors in pixels, NaN where the flow is unknown; ``times_ms``: of the stage."""
+    """Errors in pixels, NaN where the flow is unknown; ``times_ms``: processor time of the stage."""
 
     background: FloatArray
     movers: FloatArray
@@ -96,11 +96,11 @@ def measure(config: PipelineConfig, frames: Sequence[SyntheticFrame]) -> Row:
     for frame in frames:
         prepared = prepare.process(frame.image, frame.stamp_ns)
         ego = ego_motion.process(prepared)
-        start = time.perf_counter()
+        start = time.process_time()
         found = flow.process(prepared, ego).flow
         if not ego.ok:
             continue
-        times.append(1e3 * (time.perf_counter() - start))
+        times.append(1e3 * (time.process_time() - start))
         cells = truth_on_grid(frame, *found.shape[:2])
         error = np.hypot(*np.moveaxis(found - cells.flow, -1, 0))
         background.append(error[cells.background])
