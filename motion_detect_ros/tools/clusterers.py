@@ -97,5 +97,5 @@ CLUSTERERS = (
     Clusterer('DBSCAN', _sklearn('DBSCAN'), {
         'eps': (0.3, 0.4, 0.5, 0.7), 'min_samples': (5, 10, 20)}, 'sklearn', 25_000),
     Clusterer('HDBSCAN', _sklearn('HDBSCAN', copy=True), {
-        'min_cluster_size': (10, 20, 50), 'min_samples': (5, 20), 'cluster_selection_epsilon': (0.0, 1.0)}, 'sklearn'),
+        'min_cluster_size': (10, 20, 50), 'min_samples': (2, 5, 10, 20)}, 'sklearn'),
 )
