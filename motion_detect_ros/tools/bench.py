@@ -29,7 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""
     parser.add_argument('--preset', default='default', help='settings: default, visdrone or kitti, or a YAML file')
     parser.add_argument('--frames', type=int, default=60, help=f'frames of each measurement, at least {MIN_FRAMES}')
-    parser.add_argument('--parts', help=f'some of {",".join(PARTS)}, separated by commas; default: all')
+    parser.add_argument('--parts', help=f'some of {",".join(PARTS)}, separated by commas; the others stay as the '
+                                        'file of --json has them; default: all')
     parser.add_argument('--no-nodes', action='store_true', help='leave the nodes out, measure in this process only')
     parser.add_argument('--json', type=Path, help='write the figures here too')
     parser.add_argument('--markdown', type=Path, help='write the document here, pictures to images/ beside it')
@@ -40,15 +41,29 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.frames < MIN_FRAMES:
         raise ConfigError(f'--frames: expected {MIN_FRAMES} or more, got {arguments.frames}')
     parts = chosen(arguments.parts, arguments.no_nodes)
-    figures: dict[str, Any] = {'machine': machine(), 'preset': arguments.preset, 'frames': arguments.frames}
+    figures = {**_earlier(arguments), 'machine': machine(), 'preset': arguments.preset, 'frames': arguments.frames}
     for part in tqdm(parts, unit='part', disable=None):
         figures[part] = PARTS[part](arguments)
+        _write(arguments, figures)
     print(markdown(figures))
+    return 0
+
+
+def _earlier(arguments: argparse.Namespace) -> dict[str, Any]:
+    """With ``--parts``: the other parts as the file of ``--json`` has them. Raises: ConfigError for another file."""
+    if not (arguments.parts and arguments.json and arguments.json.is_file()):
+        return {}
+    try:
+        return dict(json.loads(arguments.json.read_text(encoding='utf-8')))
+    except ValueError as error:
+        raise ConfigError(f'{arguments.json}: expected figures of an earlier run, got {error}') from None
+
+
+def _write(arguments: argparse.Namespace, figures: dict[str, Any]) -> None:
     if arguments.json:
         arguments.json.write_text(json.dumps(figures, indent=1) + '\n', encoding='utf-8')
     if arguments.markdown:
         arguments.markdown.write_text(markdown(figures), encoding='utf-8')
-    return 0
 
 
 def chosen(words: str | None, no_nodes: bool = False) -> list[str]:

@@ -25,7 +25,8 @@ and the figure is the median of the ratios. `test/tools/test_bench_guard.py` fai
 the OpenCV floor grows by over a quarter.
 '''
 ABOUT = {
-    'stages': 'Compute time of every stage, decoded frame to detections. Median / 95th percentile, ms.',
+    'stages': '''Compute time of every stage, decoded frame to detections; processor: time of all threads together,
+which other load on the machine hardly changes. Median / 95th percentile, ms.''',
     'reported': '''The two tables of the report this project implements (its figures: with a graphics card) and ours,
 CPU only, on flights of the same image size with the preset of that name. Medians, ms.''',
     'floor': '''The whole pipeline against the OpenCV calls it cannot do without, at the same settings: grey and working
@@ -73,7 +74,8 @@ def _reported(tables: list[dict[str, Any]]) -> list[str]:
     names = [row['name'] for row in tables[0]['ours_ms']]
     rows = []
     for table in tables:
-        rows.append((f'{table["name"]}, published', *(f'{value:.0f}' for value in table['published_ms'])))
+        published = [*(f'{value:.0f}' for value in table['published_ms']), '']
+        rows.append((f'{table["name"]}, published', *published))
         rows.append((f'{table["name"]}, ours, {table["size"]}', *(f'{row["p50"]:.1f}' for row in table['ours_ms'])))
     return _table(('', *names), rows)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -48,11 +49,14 @@ REPORTED = (
 
 
 def stage_times(config: PipelineConfig, frames: Frames) -> list[Timing]:
-    """Compute time of every stage, decoded frame to detections."""
-    pipeline, times = MotionPipeline(config), list[StageTimes]()
+    """Compute time of every stage, decoded frame to detections; ``processor``: of all threads, for the whole frame."""
+    pipeline, times, processor = MotionPipeline(config), list[StageTimes](), list[float]()
     for image, stamp_ns in frames:
+        start = time.process_time()
         times.append(pipeline.process(image, stamp_ns).times_ms)
-    return [Timing.of(name, [getattr(each, name) for each in times[WARM_FRAMES:]]) for name in STAGE_NAMES]
+        processor.append(1e3 * (time.process_time() - start))
+    rows = [Timing.of(name, [getattr(each, name) for each in times[WARM_FRAMES:]]) for name in STAGE_NAMES]
+    return [*rows, Timing.of('processor', processor[WARM_FRAMES:])]
 
 
 def stages(preset: str, frames: int) -> dict[str, list[Timing]]:

@@ -17,7 +17,7 @@ import pytest
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError, SourceError
 from motion_detect_ros.sources.synthetic import FlightConfig
-from motion_detect_ros.tools import bench, bench_curves, bench_plot, bench_report, bench_timing
+from motion_detect_ros.tools import bench, bench_curves, bench_plot, bench_report, bench_stages, bench_timing
 from motion_detect_ros.tools.bench_curves import Curve, Point, slope
 
 
@@ -116,6 +116,22 @@ def test_document_and_json_hold_what_was_measured(tmp_path, capsys):
     assert set(figures) == {'machine', 'preset', 'frames', 'codec'}
     assert re.search(rf'\| to message \| {figures["codec"][0]["p50"]:.2f} \|', text)
     assert '## Memory' not in text
+    figures['memory'] = {'early_frames': 100, 'early_mb': 250.0, 'frames': 600, 'mb': 251.0}
+    arguments.json.write_text(json.dumps(figures))
+    assert bench.run(arguments) == 0
+    assert '| 600 | 251 | 400 |' in arguments.markdown.read_text()
+    arguments.json.write_text('no figures')
+    with pytest.raises(ConfigError, match=r'figures\.json: expected figures of an earlier run'):
+        bench.run(arguments)
+
+
+def test_stage_table_adds_up():
+    frames = bench_timing.flight(FlightConfig(width=320, height=180, frames=12))
+    rows = {row.name: row for row in bench_stages.stage_times(PipelineConfig(), frames)}
+    assert list(rows) == ['preprocessing', 'ego_motion', 'optical_flow', 'clustering', 'total', 'processor']
+    stages = sum(rows[name].p50 for name in ('preprocessing', 'ego_motion', 'optical_flow', 'clustering'))
+    assert stages == pytest.approx(rows['total'].p50, rel=0.5)
+    assert 0.0 < rows['processor'].p50 <= 1.1 * os.cpu_count() * rows['total'].p95
 
 
 def test_memory_of_a_process_grows_by_what_it_takes():
