@@ -58,7 +58,8 @@ class TestGeneratedSection:
         replace_section(path, 'x', ['newer', 'lines'])
         assert path.read_text() == 'a\n<!-- generated: x -->\nnewer\nlines\n<!-- end: x -->\nb\n'
 
-    @pytest.mark.parametrize('text', ['', '<!-- generated: x -->', '<!-- end: x -->\n<!-- generated: x -->'])
+    @pytest.mark.parametrize('text', ['', '<!-- generated: x -->', '<!-- end: x -->',
+                                      '<!-- end: x -->\n<!-- generated: x -->'])
     def test_refuses_a_document_without_a_place(self, tmp_path: Path, text: str) -> None:
         path = tmp_path / 'page.md'
         path.write_text(text)
