@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -136,8 +137,13 @@ def _over_cells(config: PipelineConfig) -> Iterator[Point]:
 
 
 def _point(x: float, config: PipelineConfig, frames: Frames) -> Point:
-    pipeline = MotionPipeline(config)
-    results = [pipeline.process(image, stamp_ns) for image, stamp_ns in frames][POINT_WARM:]
+    pipeline, results, processor = MotionPipeline(config), [], []
+    for image, stamp_ns in frames:
+        start = time.process_time()
+        results.append(pipeline.process(image, stamp_ns))
+        processor.append(1e3 * (time.process_time() - start))
+    results, processor = results[POINT_WARM:], processor[POINT_WARM:]
     ms = {name: round(float(np.median([getattr(result.times_ms, name) for result in results])), 3)
           for name in ('total', 'ego_motion', 'optical_flow', 'clustering')}
+    ms['processor'] = round(float(np.median(processor)), 3)
     return Point(round(x, 4), ms, int(np.median([len(result.detections) for result in results])))

@@ -11,11 +11,11 @@ import numpy as np
 from motion_detect_ros.core.types import ByteArray
 from motion_detect_ros.tools.bench_curves import Curve
 
-WIDTH, HEIGHT = 720, 480
+WIDTH, HEIGHT = 880, 480
 LEFT, RIGHT, TOP, BOTTOM = 80, 30, 50, 60
 BLACK, GREY = (30, 30, 30), (215, 215, 215)
 #: Of the series in turn, BGR.
-COLOURS = ((30, 30, 30), (180, 110, 30), (40, 140, 40), (40, 60, 210))
+COLOURS = ((30, 30, 30), (180, 110, 30), (40, 140, 40), (40, 60, 210), (150, 150, 150))
 STEPS = (1, 2, 5)
 
 

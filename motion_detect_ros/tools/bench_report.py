@@ -34,7 +34,8 @@ size, corners, Lucas-Kanade there and back, warp, DIS both ways.''',
     'background': '''The same pipeline with a background in three dimensions (`background.model: epipolar`) and a planar
 one.''',
     'curves': '''What a frame costs as its content grows. `x^b`: least squares of log time on log x. Objects: small
-cars on 1600x900. Neurons: ART2 alone on 30000 vectors.''',
+cars on 1600x900. Neurons: ART2 alone on 30000 vectors. Processor: all threads
+together, which other load hardly changes.''',
     'codec': '''A 1280x720 bgr8 image to a message and back. The way back is a view of the bytes; other encodings are
 converted in 0.07 ms (rgb8) to 0.36 ms (uyvy, bayer).''',
     'transport': '''From the stamp of a 960x540 picture, taken just before it is published, to its detections in the
