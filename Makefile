@@ -37,14 +37,16 @@ lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-# The tests of optional flow methods, in an environment of their own: contrib replaces the OpenCV of .venv.
+# The tests of optional flow methods and of TrackEval, in an environment of their own: contrib replaces the OpenCV of .venv.
 test-extras: $(EXTRAS)/.ready
-	$(EXTRAS)/bin/python -m pytest -p no:cacheprovider test/core/test_optical_flow.py test/core/test_optical_flow_onnx.py
+	$(EXTRAS)/bin/python -m pytest -p no:cacheprovider test/core/test_optical_flow.py test/core/test_optical_flow_onnx.py \
+	  test/tools/test_tracking.py
 
 $(EXTRAS)/.ready: setup.py
 	$(PYTHON) -m venv $(EXTRAS)
 	$(EXTRAS)/bin/pip install --quiet --disable-pip-version-check \
-	  numba scipy PyYAML tqdm opencv-contrib-python-headless onnxruntime onnx hypothesis pytest pytest-timeout
+	  apsw mcap numba rosbags scipy PyYAML tqdm opencv-contrib-python-headless onnxruntime onnx hypothesis pytest pytest-timeout
+	$(EXTRAS)/bin/pip install --quiet --disable-pip-version-check --no-deps trackeval
 	@touch $@
 
 bench: $(STAMP)

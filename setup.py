@@ -29,7 +29,9 @@ setup(
         'tqdm>=4.60',
     ],
     extras_require={
+        'compare': ['artlib>=0.1.7', 'scikit-learn>=1.3'],
         'contrib': ['opencv-contrib-python-headless>=4.6'],
+        'evaluation': ['trackeval>=1.3'],  # brings opencv-python: docs/accuracy.md says how to keep the headless one
         'onnx': ['onnxruntime>=1.16'],
         'ros': ['ros-jazzy-rclpy', 'ros-jazzy-common-interfaces', 'ros-jazzy-rmw-fastrtps-cpp'],
         'test': ['hypothesis', 'mypy', 'pytest', 'pytest-cov', 'pytest-timeout', 'ruff',

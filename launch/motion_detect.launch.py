@@ -24,6 +24,7 @@ ARGUMENTS = (
     ('compressed', 'false', 'listen to the compressed images of image_topic'),
     ('rectified', 'false', 'the images are rectified: matrix P of camera_info holds, not K'),
     ('overlay', 'true', 'start the overlay node'),
+    ('cpus', '', 'cores that the nodes may run on, as taskset takes them (0,1 or 0-3); empty = all'),
 )
 STAGES = ('ego_motion', 'optical_flow', 'art2_clustering')
 
@@ -45,6 +46,7 @@ def describe(context):
             package='motion_detect_ros', executable=name, name=name, namespace=value['namespace'], output='screen',
             parameters=[file, parameters], remappings=topics,
             arguments=['--ros-args', '--log-level', value['log_level']],
+            prefix=f'taskset --cpu-list {value["cpus"]}' if value['cpus'] else None,
             respawn=value['use_respawn'] == 'true', respawn_delay=2.0)
 
     nodes = [node(name, stage) for name in (STAGES if value['mode'] == 'nodes' else ('pipeline',))]

@@ -23,6 +23,7 @@ from motion_detect_ros.bridge.sync import ExactJoin
 from motion_detect_ros.bridge.topics import CAMERA_INFO, COMPRESSED, IMAGE, Topic
 from motion_detect_ros.bridge.worker import Worker
 from motion_detect_ros.core.errors import MotionDetectError
+from motion_detect_ros.core.load import FrameSelection, use_threads
 from motion_detect_ros.core.pipeline import warm_up
 from motion_detect_ros.core.types import CameraModel
 
@@ -53,6 +54,7 @@ class StageNode(ManagedNode):
         self._queue_size = int(declare_simple(
             self, 'queue_size', 2, 'images that may wait for this stage; more are dropped, oldest first', 1, 1000))
         self._join = ExactJoin(('image', *(topic.name for topic in self.inputs)), 2 * self._queue_size + 8)
+        self._selection = FrameSelection(self.config.load)
         self._worker: Worker[tuple[Any, ...]] | None = None
         self._gyro: GyroInput | None = None
         self._busy = threading.Lock()
@@ -78,13 +80,16 @@ class StageNode(ManagedNode):
         """Warm kernels, publishers, stage."""
         for name in unknown_parameters(self):
             self.get_logger().warning(f'parameter {name} is unknown and has no effect')
+        use_threads(self.config.load)
         warm_up(self.config)
         self._camera_in_use = None
         self.make_stage()
 
     def begin(self) -> None:
         """Listen."""
-        self._worker = Worker(self._guarded, self._queue_size, self.stats.count_dropped)
+        self._selection.reset()
+        # A stage that joins what another made of each image needs neighbours; the first one may jump.
+        self._worker = Worker(self._guarded, self._queue_size, self.stats.count_dropped, jumps=not self.inputs)
         quality = image_qos(self._reliability, SUBSCRIPTION_DEPTH)
         self._hear(COMPRESSED if self._compressed else IMAGE, 'image', quality)
         for topic in self.inputs:
@@ -119,10 +124,12 @@ class StageNode(ManagedNode):
         if name == 'image':
             self.stats.count_received(time.monotonic_ns())
             self._check_transport(msg)
+            if not self.inputs and not self._selection.wants():
+                return
         messages = self._join.add(name, stamp_ns(msg.header), msg)
-        if self._join.dropped > self._join_drops:
+        if not self._selection.leaves_out:  # else an image that no stage before answers was left out, not lost
             self.stats.count_dropped(self._join.dropped - self._join_drops)
-            self._join_drops = self._join.dropped
+        self._join_drops = self._join.dropped
         if messages and self._worker:
             self._worker.submit(messages)
 

@@ -11,12 +11,20 @@ Item = TypeVar('Item')
 
 
 class Worker(Generic[Item]):
-    """Runs ``handle`` on submitted items, newest kept: over ``capacity`` the oldest waiting one is dropped."""
+    """Runs ``handle`` on submitted items, newest kept: over ``capacity`` the oldest waiting one is dropped.
 
-    def __init__(self, handle: Callable[[Item], None], capacity: int, on_drop: Callable[[int], None]) -> None:
+    jumps: once items had to be dropped, only the newest one that waits is taken, until none waits any more. A few that
+    come in a burst are all worked off, but under a load that lasts nothing is older than the item in hand.
+    """
+
+    def __init__(
+        self, handle: Callable[[Item], None], capacity: int, on_drop: Callable[[int], None], jumps: bool = False,
+    ) -> None:
         self._handle = handle
         self._capacity = capacity
         self._on_drop = on_drop
+        self._jumps = jumps
+        self._late = False
         self._waiting: deque[Item] = deque()
         self._ready = threading.Condition()
         self._running = True
@@ -30,6 +38,7 @@ class Worker(Generic[Item]):
             dropped = max(0, len(self._waiting) - self._capacity)
             for _ in range(dropped):
                 self._waiting.popleft()
+            self._late |= bool(dropped)
             self._ready.notify()
         if dropped:
             self._on_drop(dropped)
@@ -51,8 +60,14 @@ class Worker(Generic[Item]):
     def _run(self) -> None:
         while True:
             with self._ready:
+                self._late &= bool(self._waiting)
                 self._ready.wait_for(lambda: self._waiting or not self._running)
                 if not self._running:
                     return
+                passed = len(self._waiting) - 1 if self._jumps and self._late else 0
+                for _ in range(passed):
+                    self._waiting.popleft()
                 item = self._waiting.popleft()
+            if passed:
+                self._on_drop(passed)
             self._handle(item)

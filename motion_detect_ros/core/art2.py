@@ -48,8 +48,11 @@ class Presented:
 class Art2(Art2Memory[Presented]):
     """The variant that keeps magnitude; a neuron's prototype is the mean of what it won. Source: see the module."""
 
-    spread_match = 0.6
     clearly_moving = CLEARLY_MOVING
+
+    def __init__(self, config: Art2Config) -> None:
+        super().__init__(config)
+        self.spread_match = config.spread_match
 
     def _feed(self, vectors: FloatArray) -> Presented:
         length = _lengths(vectors)

@@ -16,6 +16,8 @@ from motion_detect_ros.core.settings import setting
 FLOW_METHODS = (
     'dis', 'dis_ultrafast', 'dis_fast', 'dis_medium', 'farneback', 'lk', 'variational',
     'dual_tvl1', 'deepflow', 'simpleflow', 'rlof', 'pcaflow', 'onnx')
+#: Those that a first guess helps.
+WARM_METHODS = ('dis', 'dis_ultrafast', 'dis_fast', 'dis_medium', 'farneback', 'lk', 'variational')
 
 
 @dataclass(frozen=True)
@@ -109,8 +111,17 @@ class OpticalFlowConfig:
     search_px: int = setting(
         0, 'how far fast small objects are searched for where the flow leaves the image unexplained, '
         'working-resolution pixels, 0 = not', low=0, high=200, unit='px')
+    warm_start: bool = setting(
+        False, 'the flow of the last frame, carried along by the ego-motion, is the first guess of the next; methods '
+        'up to variational')
+    full_every: int = setting(
+        1, 'flow of the whole image in every such frame, in between only around the last moving cells',
+        low=1, high=100, unit='frames')
 
     def __post_init__(self) -> None:
+        if self.warm_start and self.method not in WARM_METHODS:
+            raise ConfigError(f'optical_flow.warm_start: expected optical_flow.method one of '
+                              f'{", ".join(WARM_METHODS)}, got {self.method}')
         if self.method == 'onnx' and not self.onnx_model:
             raise ConfigError('optical_flow.onnx_model: expected the file of a network for optical_flow.method onnx, '
                               'got none')
@@ -160,6 +171,9 @@ class Art2Config:
         'slow', 'classic: slow = one weight update for each vector, fast = updates until the weights settle',
         choices=('slow', 'fast'))
     a: float = setting(10.0, 'classic: feedback from u to w', low=0.0, high=1000.0)
+    spread_match: float = setting(
+        0.6, 'magnitude: they spread until all that clearly moves matches one so well; 0.6 tells speeds of 3 : 7 and'
+        ' directions of 47 degrees apart, 0.8 speeds of 2 : 3 and 23 degrees', low=0.0, high=1.0)
     b: float = setting(10.0, 'classic: feedback from q to v', low=0.0, high=1000.0)
     c: float = setting(0.1, 'classic: weight of p in the test for reset; c d / (1 - d) is at most 1', low=0.0, high=1.0)
     d: float = setting(0.9, 'classic: output of the winning neuron', low=0.01, high=0.99)
@@ -217,6 +231,21 @@ class TracksConfig:
 
 
 @dataclass(frozen=True)
+class LoadConfig:
+    """How much of the stream is worked on."""
+
+    take: int = setting(1, 'the first so many ...', low=1, high=1000, unit='frames')
+    of: int = setting(
+        1, '... of every so many frames are processed, the others as if never seen; 2 of 5: pairs for the flow, and '
+        'time to process them', low=1, high=1000, unit='frames')
+    threads: int = setting(0, 'threads of OpenCV, 0 = as many as there are cores', low=0, high=256)
+
+    def __post_init__(self) -> None:
+        if self.take > self.of:
+            raise ConfigError(f'load.take: expected at most load.of ({self.of}), got {self.take}')
+
+
+@dataclass(frozen=True)
 class PipelineConfig:
     """All stages. ``PipelineConfig()`` is the default preset."""
 
@@ -228,3 +257,4 @@ class PipelineConfig:
     art2: Art2Config = Art2Config()
     objects: ObjectsConfig = ObjectsConfig()
     tracks: TracksConfig = TracksConfig()
+    load: LoadConfig = LoadConfig()

@@ -57,16 +57,23 @@ class Dis:
     """Dense inverse search (Kroeger et al. 2016)."""
 
     def __init__(self, preset: int, finest_scale: int | None = None, refinement_iterations: int | None = None) -> None:
-        self._dis = cv2.DISOpticalFlow_create(preset)
-        if finest_scale is not None:
-            self._dis.setFinestScale(finest_scale)
-        if refinement_iterations is not None:
-            self._dis.setVariationalRefinementIterations(refinement_iterations)
+        self._preset, self._finest_scale, self._refinement_iterations = preset, finest_scale, refinement_iterations
+        self._size: tuple[int, ...] = ()
 
     def __call__(self, current: ByteArray, earlier: ByteArray, start: FloatArray | None = None, /) -> FloatArray:
         """As ``FlowFunction``; ``start`` is one more candidate for every patch."""
+        if current.shape != self._size:  # OpenCV's changes its own parameters for small pictures and keeps them
+            self._dis, self._size = self._make(), current.shape
         flow: FloatArray = self._dis.calc(current, earlier, None if start is None else start.copy())
         return flow
+
+    def _make(self) -> cv2.DISOpticalFlow:
+        dis = cv2.DISOpticalFlow_create(self._preset)
+        if self._finest_scale is not None:
+            dis.setFinestScale(self._finest_scale)
+        if self._refinement_iterations is not None:
+            dis.setVariationalRefinementIterations(self._refinement_iterations)
+        return dis
 
 
 class Variational:

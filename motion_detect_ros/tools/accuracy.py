@@ -1,116 +1,129 @@
 """All real clips through the detector, scored against their truth: the table of docs/accuracy.md.
 
-    python -m motion_detect_ros.tools.accuracy [CLIP ...] [--data DIR] [--set NAME=VALUE ...]
+    python -m motion_detect_ros.tools.accuracy [CLIP ...] [--data DIR] [--set NAME=VALUE ...] [--jobs N]
+        [--all-objects] [--record NAME] [--against NAME] [--pictures DIR] [--write docs/accuracy.md]
+    python -m motion_detect_ros.tools.accuracy --floors test/floors.json [--renew]
 
 ``--data`` (default: the variable MOTION_DETECT_DATA) holds ``clips.json``: for each clip the folder of frames, the
-truth file, the frame rate and the preset of its family.
+truth file, the frame rate and the preset of its family. Changes in brackets are against the last run recorded in
+``--records`` (docs/accuracy.json). With ``--floors`` only the part of the clips that the file names is run; exit code
+1 where an F1 is under its floor.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import yaml
-from tqdm import tqdm
 
-from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import MotionDetectError, SourceError
-from motion_detect_ros.core.pipeline import MotionPipeline
-from motion_detect_ros.core.settings import with_settings
-from motion_detect_ros.core.types import DoubleArray
-from motion_detect_ros.presets import load_preset
-from motion_detect_ros.sources.frames import open_source
-from motion_detect_ros.sources.truth import read_truth
-from motion_detect_ros.tools.metrics import Score, score_boxes
+from motion_detect_ros.tools.accuracy_clips import DATA_VARIABLE, Job, read_clips, run_jobs
+from motion_detect_ros.tools.accuracy_floors import floor_clips, read_floors, renewed, write_floors
+from motion_detect_ros.tools.accuracy_pictures import write_sheets
+from motion_detect_ros.tools.accuracy_record import (
+    Record,
+    append_record,
+    make_record,
+    read_records,
+    record_named,
+)
+from motion_detect_ros.tools.accuracy_table import table
+from motion_detect_ros.tools.generated import replace_section
 
-DATA_VARIABLE = 'MOTION_DETECT_DATA'
-IOUS = (0.3, 0.5)
-#: Frames at the start that are not counted; on clips shorter than SHORT_FRAMES only the second number.
-WARM_UP_FRAMES, SHORT_WARM_UP_FRAMES, SHORT_FRAMES = 10, 2, 30
-
-
-@dataclass(frozen=True)
-class Clip:
-    """One entry of clips.json."""
-
-    name: str
-    frames: Path
-    truth: Path
-    fps: float
-    preset: str
-
-
-@dataclass(frozen=True)
-class ClipResult:
-    """``scores``: one for each IoU of ``IOUS``; ``frame_ms``: median compute time."""
-
-    clip: Clip
-    scores: tuple[Score, ...]
-    frame_ms: float
-
-
-def read_clips(data: Path) -> list[Clip]:
-    """Raises: SourceError where ``clips.json`` is missing."""
-    index = data / 'clips.json'
-    if not index.is_file():
-        raise SourceError(f'{data}: expected a folder with clips.json; set {DATA_VARIABLE} or --data')
-    entries = json.loads(index.read_text(encoding='utf-8'))
-    return [Clip(name, data / entry['frames'], data / entry['gt'], float(entry['fps']), entry['preset'])
-            for name, entry in entries.items()]
-
-
-def run_clip(clip: Clip, config: PipelineConfig) -> ClipResult:
-    """Every frame of a clip through a fresh pipeline, scored for moving objects."""
-    source = open_source(str(clip.frames), clip.fps)
-    pipeline, boxes, times = MotionPipeline(config, source.camera), dict[int, DoubleArray](), []
-    for frame in tqdm(source, total=source.frame_count, desc=clip.name, unit='frame', disable=None):
-        result = pipeline.process(frame.image, frame.stamp_ns)
-        r = result.detections
-        boxes[frame.index] = np.column_stack([
-            r['u'] - r['width'] / 2, r['v'] - r['height'] / 2, r['width'], r['height']]).astype(np.float64)
-        times.append(result.times_ms.total)
-    skip = WARM_UP_FRAMES if len(times) >= SHORT_FRAMES else SHORT_WARM_UP_FRAMES
-    truth = read_truth(clip.truth)
-    return ClipResult(clip, tuple(score_boxes(truth, boxes, iou, skip=skip) for iou in IOUS), float(np.median(times)))
-
-
-def table(results: Sequence[ClipResult]) -> list[str]:
-    """Markdown, a row a clip and the means."""
-    lines = ['| clip | F1 at 0.3 | F1 at 0.5 | precision | recall | false boxes a frame | ms a frame |',
-             '|---|---|---|---|---|---|---|']
-    rows = [(*(score.f1 for score in result.scores), result.scores[0].precision, result.scores[0].recall,
-             result.scores[0].false_per_frame, result.frame_ms) for result in results]
-    names = [f'`{result.clip.name}`' for result in results]
-    for name, row in zip([*names, f'mean of {len(rows)}'], [*rows, tuple(np.mean(rows, axis=0))], strict=True):
-        lines.append(f'| {name} | ' + ' | '.join(f'{value:.2f}' for value in row[:5]) + f' | {row[5]:.0f} |')
-    return lines
+RECORDS = Path(__file__).resolve().parents[2] / 'docs' / 'accuracy.json'
+#: Sections of a document that ``--write`` fills, by counting.
+SECTIONS = {'moving': 'clips', 'all': 'clips, all objects'}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command; exit code 2 where clips or settings are wrong."""
-    parser = argparse.ArgumentParser(prog='accuracy', description='All real clips, scored.')
-    parser.add_argument('clips', nargs='*', help='names of clips (default: all)')
-    parser.add_argument('--data', type=Path, default=Path(os.environ.get(DATA_VARIABLE, '../shared/data')))
-    parser.add_argument('--set', nargs='*', default=[], metavar='NAME=VALUE', help='settings on top of the presets')
-    options = parser.parse_args(arguments)
+    """The command; exit code 1 where a floor is missed, 2 where clips or settings are wrong."""
+    options = make_parser().parse_args(arguments)
     try:
-        changes = {name: yaml.safe_load(value) for name, _, value in (text.partition('=') for text in options.set)}
-        clips = [clip for clip in read_clips(options.data) if not options.clips or clip.name in options.clips]
-        if not clips:
-            raise SourceError(f'clips: expected some of {", ".join(clip.name for clip in read_clips(options.data))}')
-        results = [run_clip(clip, with_settings(load_preset(clip.preset), changes)) for clip in clips]
+        changes = read_changes(options.set)
+        return _guard(options, changes) if options.floors else _measure(options, changes)
     except MotionDetectError as error:
         print(f'error: {error}', file=sys.stderr)
         return 2
-    print('\n'.join(table(results)))
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = argparse.ArgumentParser(prog='accuracy', description='All real clips, scored.')
+    parser.add_argument('clips', nargs='*', help='names of clips (default: all)')
+    add_run_arguments(parser)
+    parser.add_argument('--set', nargs='*', default=[], metavar='NAME=VALUE', help='settings on top of the presets')
+    parser.add_argument('--all-objects', action='store_true', help='want every labelled object, moving or not')
+    parser.add_argument('--records', type=Path, default=RECORDS, metavar='FILE', help='JSON file of recorded runs')
+    parser.add_argument('--record', metavar='NAME', help='append this run to the recorded ones')
+    parser.add_argument('--against', metavar='NAME', help='recorded run to compare with (default: the last)')
+    parser.add_argument('--pictures', type=Path, metavar='DIR', help='draw the worst frames of each clip')
+    parser.add_argument('--write', type=Path, metavar='FILE', help='put the table, without changes, into this document')
+    parser.add_argument('--floors', type=Path, metavar='FILE', help='only check the F1 floors of this file')
+    parser.add_argument('--renew', action='store_true', help='with --floors: write what was measured, less 0.03')
+    return parser
+
+
+def add_run_arguments(parser: argparse.ArgumentParser) -> None:
+    """Where the clips are and how many processes run them."""
+    parser.add_argument('--data', type=Path, default=Path(os.environ.get(DATA_VARIABLE, '../shared/data')),
+                        metavar='DIR', help=f'folder with clips.json (default: {DATA_VARIABLE})')
+    parser.add_argument('--jobs', type=int, default=2, metavar='N', help='processes (default: 2)')
+
+
+def read_changes(texts: Sequence[str]) -> dict[str, Any]:
+    """Settings from ``NAME=VALUE`` texts, values as in YAML. Raises: SourceError for a text without ``=``."""
+    changes = {}
+    for text in texts:
+        name, equals, value = text.partition('=')
+        if not equals:
+            raise SourceError(f'--set: expected NAME=VALUE, got {text!r}')
+        changes[name] = yaml.safe_load(value)
+    return changes
+
+
+def _measure(options: argparse.Namespace, changes: Mapping[str, Any]) -> int:
+    records = read_records(options.records)
+    before = record_named(records, options.against)
+    jobs = [Job(clip, changes) for clip in read_clips(options.data, options.clips)]
+    runs = list(run_jobs(jobs, options.jobs))
+    record = make_record(options.record or 'this run', runs, changes)
+    counting = 'all' if options.all_objects else 'moving'
+    print('\n'.join(table(record, before, counting)))
+    if before:
+        print(f'\nIn brackets: change against {_describe(before)}.')
+    if options.record:
+        append_record(options.records, record)
+    if options.write:
+        replace_section(options.write, SECTIONS[counting], table(record, counting=counting))
+    if options.pictures:
+        for path in write_sheets(runs, options.pictures, counting):
+            print(path)
     return 0
+
+
+def _guard(options: argparse.Namespace, changes: Mapping[str, Any]) -> int:
+    floors = read_floors(options.floors)
+    runs = list(run_jobs([Job(clip, changes) for clip in floor_clips(options.data, floors)], options.jobs))
+    if options.renew:
+        write_floors(options.floors, renewed(floors, runs))
+        return 0
+    record = make_record('guard', runs, changes)
+    print('\n'.join(table(record)))
+    found = record.figures('moving')
+    failures = [line for floor in floors for line in floor.failures(found[floor.clip])]
+    for line in failures:
+        print(f'error: {line}', file=sys.stderr)
+    return 1 if failures else 0
+
+
+def _describe(record: Record) -> str:
+    changed = ', '.join(f'{name}={value}' for name, value in record.settings.items())
+    return f'"{record.name}" of {record.date} ({record.commit or "commit unknown"}{"; " + changed if changed else ""})'
 
 
 if __name__ == '__main__':

@@ -1,157 +1,113 @@
-"""``bench``: time per stage, codec, and from image to detections over real processes; on the built-in flight."""
+"""``bench``: what a frame costs, against what OpenCV alone would take, as it grows, and over real processes."""
 
 from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
-import tempfile
-import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import cv2
-import numpy as np
+from tqdm import tqdm
 
-from motion_detect_ros.core.errors import BackendError
-from motion_detect_ros.core.pipeline import MotionPipeline, warm_up
-from motion_detect_ros.core.types import StageTimes
-from motion_detect_ros.presets import load_preset
-from motion_detect_ros.sources.bags import BagWriter
-from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
+from motion_detect_ros.core.errors import BackendError, ConfigError
+from motion_detect_ros.tools import bench_curves, bench_stages
+from motion_detect_ros.tools.bench_plot import draw_curve
+from motion_detect_ros.tools.bench_report import machine, markdown
+from motion_detect_ros.tools.bench_timing import WARM_FRAMES
 
-SIZES = ((640, 360), (960, 540), (1280, 720))
-STAGE_NAMES = ('preprocessing', 'ego_motion', 'optical_flow', 'clustering', 'total')
-#: Frames at the start that are not timed.
-WARM_FRAMES = 5
-CODEC_ROUNDS = 100
-#: Images come at this share of what the stages can do one after the other.
-LOAD_SHARE = 0.5
-GRAPHS: dict[str, tuple[str, ...]] = {
-    'four processes': ('ego_motion', 'optical_flow', 'art2_clustering'),
-    'pipeline': ('pipeline',),
-}
-
-
-@dataclass(frozen=True)
-class Timing:
-    """One row: milliseconds."""
-
-    name: str
-    p50: float
-    p95: float
-    p99: float
-
-    @classmethod
-    def of(cls, name: str, times_ms: list[float]) -> Timing:
-        """Percentiles of the finite ones."""
-        known = np.array([value for value in times_ms if np.isfinite(value)] or [np.nan])
-        p50, p95, p99 = np.percentile(known, [50, 95, 99])
-        return cls(name, round(float(p50), 2), round(float(p95), 2), round(float(p99), 2))
-
-
-@dataclass(frozen=True)
-class Latency:
-    """From image to detections over DDS. ``rate_hz``: images a second; ``answered`` of ``images``."""
-
-    timing: Timing
-    rate_hz: float
-    images: int
-    answered: int
+#: Fewer frames than this have no percentiles.
+MIN_FRAMES = 2 * WARM_FRAMES
+#: Nodes are fed this many times the frames of the other measurements.
+NODE_FRAMES, MEMORY_FRAMES = 5, 10
+#: Parts that start processes.
+NODE_PARTS = ('transport', 'start', 'memory')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""
     parser.add_argument('--preset', default='default', help='settings: default, visdrone or kitti, or a YAML file')
-    parser.add_argument('--frames', type=int, default=60, help='frames of each measurement')
+    parser.add_argument('--frames', type=int, default=60, help=f'frames of each measurement, at least {MIN_FRAMES}')
+    parser.add_argument('--parts', help=f'some of {",".join(PARTS)}, separated by commas; the others stay as the '
+                                        'file of --json has them; default: all')
     parser.add_argument('--no-nodes', action='store_true', help='leave the nodes out, measure in this process only')
     parser.add_argument('--json', type=Path, help='write the figures here too')
+    parser.add_argument('--markdown', type=Path, help='write the document here, pictures to images/ beside it')
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measure and print markdown tables."""
-    frames = max(2 * WARM_FRAMES, arguments.frames)
-    stages = {f'{width}x{height}': stage_times(width, height, frames, arguments.preset) for width, height in SIZES}
-    codec = codec_times()
-    latencies = [] if arguments.no_nodes else node_latencies(frames, arguments.preset, stages['960x540'])
-    print('\n'.join(report(stages, codec, latencies)))
-    if arguments.json:
-        figures: dict[str, Any] = {
-            'stages_ms': {size: [asdict(row) for row in rows] for size, rows in stages.items()},
-            'codec_720p_ms': [asdict(row) for row in codec], 'latency': [asdict(row) for row in latencies]}
-        arguments.json.write_text(json.dumps(figures, indent=2) + '\n', encoding='utf-8')
+    """Measure, print markdown, write what was asked for. Raises: ConfigError for a part that does not exist."""
+    if arguments.frames < MIN_FRAMES:
+        raise ConfigError(f'--frames: expected {MIN_FRAMES} or more, got {arguments.frames}')
+    parts = chosen(arguments.parts, arguments.no_nodes)
+    figures = {**_earlier(arguments), 'machine': machine(), 'preset': arguments.preset, 'frames': arguments.frames}
+    for part in tqdm(parts, unit='part', disable=None):
+        figures[part] = PARTS[part](arguments)
+        _write(arguments, figures)
+    print(markdown(figures))
     return 0
 
 
-def stage_times(width: int, height: int, frames: int, preset: str) -> list[Timing]:
-    """Compute time of every stage, decoded frame to detections."""
-    config = load_preset(preset)
-    warm_up(config)
-    pipeline, times = MotionPipeline(config), list[StageTimes]()
-    for frame in SyntheticFlight(FlightConfig(width=width, height=height, frames=frames)):
-        times.append(pipeline.process(frame.image, frame.stamp_ns).times_ms)
-    return [Timing.of(name, [getattr(each, name) for each in times[WARM_FRAMES:]]) for name in STAGE_NAMES]
-
-
-def codec_times() -> list[Timing]:
-    """A 1280x720 bgr8 image to a message and back; with the allocator as the nodes set it."""
+def _earlier(arguments: argparse.Namespace) -> dict[str, Any]:
+    """With ``--parts``: the other parts as the file of ``--json`` has them. Raises: ConfigError for another file."""
+    if not (arguments.parts and arguments.json and arguments.json.is_file()):
+        return {}
     try:
-        from motion_detect_ros.bridge.images import header_of, image_from_msg, image_to_msg
-        from motion_detect_ros.bridge.transport import tune_malloc
+        return dict(json.loads(arguments.json.read_text(encoding='utf-8')))
+    except ValueError as error:
+        raise ConfigError(f'{arguments.json}: expected figures of an earlier run, got {error}') from None
+
+
+def _write(arguments: argparse.Namespace, figures: dict[str, Any]) -> None:
+    if arguments.json:
+        arguments.json.write_text(json.dumps(figures, indent=1) + '\n', encoding='utf-8')
+    if arguments.markdown:
+        arguments.markdown.write_text(markdown(figures), encoding='utf-8')
+
+
+def chosen(words: str | None, no_nodes: bool = False) -> list[str]:
+    """Parts in the order they are measured in. Raises: ConfigError for one that does not exist."""
+    wanted = list(PARTS) if words is None else [word.strip() for word in words.split(',')]
+    unknown = [word for word in wanted if word not in PARTS]
+    if unknown:
+        raise ConfigError(f'--parts: expected some of {", ".join(PARTS)}, got {", ".join(map(repr, unknown))}')
+    return [part for part in PARTS if part in wanted and not (no_nodes and part in NODE_PARTS)]
+
+
+def _stages(arguments: argparse.Namespace) -> dict[str, Any]:
+    return {size: [asdict(row) for row in rows]
+            for size, rows in bench_stages.stages(arguments.preset, arguments.frames).items()}
+
+
+def _curves(arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    found = bench_curves.curves(arguments.preset)
+    if arguments.markdown:
+        for curve in found:
+            draw_curve(curve, arguments.markdown.parent / 'images' / f'cost_{curve.name}.png')
+    return [bench_curves.as_json(curve) for curve in found]
+
+
+def _nodes() -> Any:
+    try:
+        from motion_detect_ros.tools import bench_transport
     except ModuleNotFoundError as error:
-        raise BackendError(f'bench: expected an installation of ROS 2, but {error.name} is missing') from None
-    tune_malloc()
-    image = np.zeros((720, 1280, 3), np.uint8)
-    header = header_of(0, 'camera')
-    message = image_to_msg(image, header)
-    return [Timing.of('to message', _repeated(lambda: image_to_msg(image, header))),
-            Timing.of('from message', _repeated(lambda: image_from_msg(message)))]
+        raise BackendError(f'bench: expected an installation of ROS 2, but {error.name} is missing; '
+                           '--no-nodes measures without') from None
+    return bench_transport
 
 
-def node_latencies(frames: int, preset: str, stages: list[Timing]) -> list[Latency]:
-    """The 960x540 flight through the nodes as processes, at half of what the stages can do."""
-    from motion_detect_ros.tools.live import LiveGraph
-    config = FlightConfig(frames=frames)
-    speed = min(1.0, LOAD_SHARE * 1e3 / (stages[-1].p50 * config.fps))
-    found = []
-    with tempfile.TemporaryDirectory() as folder:
-        bag = Path(folder) / 'flight.mcap'
-        with BagWriter(bag, compress=False) as writer:
-            for frame in SyntheticFlight(config):
-                writer.write_image(frame.image, frame.stamp_ns)
-        for name, nodes in GRAPHS.items():
-            with LiveGraph(preset, nodes) as graph:
-                played = graph.play(bag, frames, speed)
-            times = [message.latency_ms for message in played.received[WARM_FRAMES:]]
-            found.append(Latency(Timing.of(name, times), speed * config.fps, frames, len(played.received)))
-    return found
-
-
-def report(stages: dict[str, list[Timing]], codec: list[Timing], latencies: list[Latency]) -> list[str]:
-    """Markdown tables."""
-    machine = f'{os.cpu_count()} cores of {platform.machine()}'
-    library = f'OpenCV {cv2.__version__} with {cv2.getNumThreads()} threads'
-    lines = [f'Built-in flight, {library}, {machine}. Median / 95th percentile, ms.', '',
-             '| image | ' + ' | '.join(STAGE_NAMES) + ' |', '|---' * (len(STAGE_NAMES) + 1) + '|']
-    lines += [f'| {size} | ' + ' | '.join(f'{row.p50:.1f} / {row.p95:.1f}' for row in rows) + ' |'
-              for size, rows in stages.items()]
-    lines += ['', '| 1280x720 bgr8 | median | p95 |', '|---|---|---|']
-    lines += [f'| {row.name} | {row.p50:.2f} | {row.p95:.2f} |' for row in codec]
-    if latencies:
-        lines += ['', '| image to detections, 960x540 | images a second | median | p95 | p99 | answered |',
-                  '|---|---|---|---|---|---|']
-        lines += [f'| {row.timing.name} | {row.rate_hz:.1f} | {row.timing.p50:.1f} | {row.timing.p95:.1f} | '
-                  f'{row.timing.p99:.1f} | {row.answered} of {row.images} |' for row in latencies]
-    return lines
-
-
-def _repeated(action: Callable[[], object]) -> list[float]:
-    times = []
-    for _ in range(CODEC_ROUNDS):
-        start = time.perf_counter()
-        action()
-        times.append(1e3 * (time.perf_counter() - start))
-    return times
+#: Name -> what measures it.
+PARTS: dict[str, Callable[[argparse.Namespace], Any]] = {
+    'stages': _stages,
+    'reported': lambda arguments: bench_stages.reported(arguments.frames),
+    'floor': lambda arguments: [asdict(row) for row in bench_stages.floors(arguments.preset, arguments.frames)],
+    'background': lambda arguments: [
+        asdict(row) for row in bench_stages.backgrounds(arguments.preset, arguments.frames)],
+    'curves': _curves,
+    'codec': lambda _: [asdict(row) for row in bench_stages.codec_times()],
+    'transport': lambda arguments: [
+        asdict(row) for row in _nodes().latencies(arguments.preset, NODE_FRAMES * arguments.frames)],
+    'start': lambda arguments: asdict(_nodes().start_up(arguments.preset)),
+    'memory': lambda arguments: asdict(_nodes().memory(arguments.preset, MEMORY_FRAMES * arguments.frames)),
+}

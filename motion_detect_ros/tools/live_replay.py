@@ -9,6 +9,7 @@ from pathlib import Path
 import motion_detect_ros
 from motion_detect_ros.bridge.serialized import header_stamp_ns
 from motion_detect_ros.core.errors import MessageError, SourceError
+from motion_detect_ros.core.load import FrameSelection
 from motion_detect_ros.presets import load_preset
 from motion_detect_ros.sources.bags import BagFrames, BagReader, is_bag
 from motion_detect_ros.sources.messages import COMPRESSED_IMAGE
@@ -27,7 +28,8 @@ from motion_detect_ros.tools.outputs import SUMMARY_NAME, ReplayOutputs
 def replay_live(
     bag: Path, folder: Path, preset: str, rate: float, wanted: str | None = None,
 ) -> tuple[int, str]:
-    """Plays ``bag`` at ``rate`` times its speed; returns how many images got no answer, and a line for the user.
+    """Plays ``bag`` at ``rate`` times its speed; returns how many images got no answer, and a line for
+    the user; those that ``load.take`` and ``load.of`` leave out are not asked for one.
 
     wanted: image topic of a bag that has several.
 
@@ -41,10 +43,13 @@ def replay_live(
     topics = {frames.topic.name: COMPRESSED_TOPIC if compressed else IMAGE_TOPIC}
     if frames.camera_topic:
         topics[frames.camera_topic] = CAMERA_TOPIC
-    if load_preset(preset).imu.use and frames.imu_topic:
+    config = load_preset(preset)
+    selection = FrameSelection(config.load)
+    wanted_images = sum(selection.wants() for _ in range(images))
+    if config.imu.use and frames.imu_topic:
         topics[frames.imu_topic] = IMU_TOPIC
     with LiveGraph(preset, compressed=compressed) as graph:
-        playback = graph.play(bag.resolve(), images, rate, topics)
+        playback = graph.play(bag.resolve(), wanted_images, rate, topics)
     folder.mkdir(parents=True, exist_ok=True)
     frame_of = _frame_numbers(bag, frames.topic.name)
     with ReplayOutputs(folder) as outputs:
@@ -52,7 +57,7 @@ def replay_live(
             if message.stamp_ns in frame_of:
                 outputs.write(frame_of[message.stamp_ns], message.stamp_ns, message.records)
     _write_summary(folder, bag, images, playback)
-    unanswered = images - len(playback.received)
+    unanswered = wanted_images - len(playback.received)
     median, p95, _ = spread([message.latency_ms for message in playback.received])
     return unanswered, (f'{folder}: {images} images, {len(playback.received)} answers, latency {median:.0f} ms median, '
                         f'{p95:.0f} ms p95')

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from motion_detect_ros.core.types import BoolArray, DoubleArray, RecordArray
 
@@ -68,16 +69,53 @@ def overlaps(a: DoubleArray, b: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
     return shared / np.maximum(union, _TINY_AREA), shared / np.maximum(area_a[:, None], _TINY_AREA)
 
 
-def match(predicted: DoubleArray, wanted: DoubleArray, iou_threshold: float) -> BoolArray:
-    """(N,) bool: which of the (N, 4) predictions match one of the (M, 4) wanted boxes, greedily, best IoU first."""
+def match_pairs(predicted: DoubleArray, wanted: DoubleArray, iou_threshold: float) -> npt.NDArray[np.int64]:
+    """(K, 2) rows (prediction, wanted box) of (N, 4) and (M, 4) boxes matched greedily, best IoU first."""
     iou, _ = overlaps(predicted, wanted)
     rows, columns = np.nonzero(iou >= iou_threshold)
-    matched, taken = np.zeros(len(predicted), bool), np.zeros(len(wanted), bool)
+    matched, taken, pairs = np.zeros(len(predicted), bool), np.zeros(len(wanted), bool), []
     for best in np.argsort(-iou[rows, columns], kind='stable'):
         row, column = rows[best], columns[best]
         if not matched[row] and not taken[column]:
             matched[row] = taken[column] = True
+            pairs.append((row, column))
+    return np.array(pairs, np.int64).reshape(-1, 2)
+
+
+def match(predicted: DoubleArray, wanted: DoubleArray, iou_threshold: float) -> BoolArray:
+    """(N,) bool: which of the (N, 4) predictions match one of the (M, 4) wanted boxes, greedily, best IoU first."""
+    matched = np.zeros(len(predicted), bool)
+    matched[match_pairs(predicted, wanted, iou_threshold)[:, 0]] = True
     return matched
+
+
+@dataclass(frozen=True)
+class FrameVerdict:
+    """One frame judged. ``hit``, ``ignored``: (N,) bool of the predictions, neither means false; ``wanted``: (M,) the
+    truth records that were wanted; ``found``: (M,) bool, which of them were hit.
+    """
+
+    hit: BoolArray
+    ignored: BoolArray
+    wanted: RecordArray
+    found: BoolArray
+
+    @property
+    def errors(self) -> int:
+        """False predictions and missed boxes."""
+        return int((~self.hit & ~self.ignored).sum() + (~self.found).sum())
+
+
+def judge_frame(
+    here: RecordArray, predicted: DoubleArray, iou_threshold: float, wanted: Sequence[int] = MOVING_ONLY,
+) -> FrameVerdict:
+    """What became of each box of one frame. here: ``TRUTH_DTYPE`` of the frame; predicted: (N, 4) x, y, w, h."""
+    goal = here[np.isin(here['moving'], wanted)]
+    pairs = match_pairs(predicted, boxes_of_truth(goal), iou_threshold)
+    hit, found = np.zeros(len(predicted), bool), np.zeros(len(goal), bool)
+    hit[pairs[:, 0]] = found[pairs[:, 1]] = True
+    ignored = _ignored(predicted, boxes_of_truth(here[here['moving'] == IGNORED]), iou_threshold) & ~hit
+    return FrameVerdict(hit, ignored, goal, found)
 
 
 def score_boxes(
@@ -93,23 +131,22 @@ def score_boxes(
     hits = false = total = 0
     for frame in range(skip, last + 1):
         here = truth[truth['frame'] == frame]
-        goal = _boxes(here[np.isin(here['moving'], wanted)])
-        predicted = predictions.get(frame, np.empty((0, 4)))
-        matched = match(predicted, goal, iou_threshold)
-        rest = predicted[~matched]
-        hits += int(matched.sum())
-        false += len(rest) - _count_ignored(rest, _boxes(here[here['moving'] == IGNORED]), iou_threshold)
-        total += len(goal)
+        verdict = judge_frame(here, predictions.get(frame, np.empty((0, 4))), iou_threshold, wanted)
+        hits += int(verdict.hit.sum())
+        false += int((~verdict.hit & ~verdict.ignored).sum())
+        total += len(verdict.wanted)
     return Score(hits, false, total, max(0, last - skip + 1))
 
 
-def _boxes(truth: RecordArray) -> DoubleArray:
+def boxes_of_truth(truth: RecordArray) -> DoubleArray:
+    """(N, 4) float64 x, y, width, height of ``TRUTH_DTYPE`` records, pixels."""
     return np.stack([truth[name] for name in ('x', 'y', 'w', 'h')], axis=-1).astype(np.float64)
 
 
-def _count_ignored(predicted: DoubleArray, ignored: DoubleArray, iou_threshold: float) -> int:
-    """How many predictions overlap an ignored box enough, or lie in it with half of their area."""
+def _ignored(predicted: DoubleArray, ignored: DoubleArray, iou_threshold: float) -> BoolArray:
+    """(N,) bool: which predictions overlap an ignored box enough, or lie in it with half of their area."""
     if not len(predicted) or not len(ignored):
-        return 0
+        return np.zeros(len(predicted), bool)
     iou, inside = overlaps(predicted, ignored)
-    return int(np.sum((iou.max(1) >= iou_threshold) | (inside.max(1) >= _INSIDE_IGNORED)))
+    swallowed: BoolArray = (iou.max(1) >= iou_threshold) | (inside.max(1) >= _INSIDE_IGNORED)
+    return swallowed

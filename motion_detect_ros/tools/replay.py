@@ -23,6 +23,7 @@ from tqdm import tqdm
 import motion_detect_ros
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import BackendError, FrameError, MotionDetectError, SourceError
+from motion_detect_ros.core.load import FrameSelection, use_threads
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.presets import load_preset
@@ -135,7 +136,8 @@ def replay(job: Job) -> Summary:
     """
     source = open_source(job.path, job.fps, job.topic)
     pipeline = MotionPipeline(job.config, source.camera)
-    gyro = _gyro(source, job.config)
+    gyro, selection = _gyro(source, job.config), FrameSelection(job.config.load)
+    use_threads(job.config.load)
     tally = Tally()
     complete = False
     try:
@@ -144,6 +146,8 @@ def replay(job: Job) -> Summary:
             bar = tqdm(_timed(source, tally), total=source.frame_count, unit='frame', desc=source.name,
                        disable=None if job.progress else True)
             for frame in bar:
+                if not selection.wants():
+                    continue
                 for sample in gyro.take(frame.stamp_ns) if gyro else ():
                     pipeline.add_gyro(sample.stamp_ns, np.array(sample.rate))
                 _process(pipeline, frame, outputs, tally)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -121,3 +122,58 @@ def test_worker_keeps_the_newest_and_counts_the_rest():
     worker.stop()
     assert seen[-2:] == [8, 9]
     assert len(seen) + sum(dropped) == 10
+
+
+def worked_off(jumps: bool, items: int) -> tuple[list[int], int]:
+    """What a worker with a mailbox of two made of ``items`` that came while it was busy with the first, and drops."""
+    busy, gate, seen, dropped = threading.Event(), threading.Event(), [], []
+
+    def handle(item: int) -> None:
+        busy.set()
+        gate.wait(5.0)
+        seen.append(item)
+
+    worker = Worker(handle, 2, dropped.append, jumps)
+    worker.submit(0)
+    assert busy.wait(5.0)
+    for item in range(1, items):
+        worker.submit(item)
+    gate.set()
+    deadline = time.monotonic() + 5.0
+    while len(seen) + sum(dropped) < items and time.monotonic() < deadline:
+        time.sleep(0.001)
+    worker.stop()
+    return seen, sum(dropped)
+
+
+def test_worker_that_jumps_takes_the_newest_once_it_is_late():
+    assert worked_off(jumps=True, items=6) == ([0, 5], 4)
+    assert worked_off(jumps=False, items=6) == ([0, 4, 5], 3)
+
+
+def test_worker_that_jumps_works_off_a_burst_that_fits_the_mailbox():
+    assert worked_off(jumps=True, items=3) == ([0, 1, 2], 0)
+
+
+def test_worker_that_has_caught_up_takes_everything_again():
+    gate, seen = threading.Semaphore(0), []
+    worker = Worker(lambda item: (gate.acquire(timeout=5.0), seen.append(item)), 2, lambda count: None, jumps=True)
+
+    def until(count: int) -> None:
+        deadline = time.monotonic() + 5.0
+        while len(seen) < count and time.monotonic() < deadline:
+            time.sleep(0.001)
+        time.sleep(0.02)
+
+    for item in range(5):
+        worker.submit(item)
+        time.sleep(0.01)
+    gate.release(2)
+    until(2)
+    for item in (10, 11, 12):
+        worker.submit(item)
+        time.sleep(0.01)
+    gate.release(3)
+    until(5)
+    worker.stop()
+    assert seen == [0, 4, 10, 11, 12]

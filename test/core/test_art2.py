@@ -51,6 +51,13 @@ def test_two_speeds_in_one_direction_are_two_clusters():
     assert labels[0] != labels[50] and 0 not in labels
 
 
+@pytest.mark.parametrize(('spread_match', 'clusters'), [(0.6, 1), (0.8, 2)])
+def test_spread_match_says_which_speeds_are_apart(spread_match, clusters):
+    """5 and 10 noise units in one direction match 1 - 5/16 = 0.69."""
+    labels, _ = clustered([(5, 0), (10, 0)], vigilance=0.2, spread_match=spread_match)
+    assert len(set(labels)) == clusters and 0 not in labels
+
+
 def test_opposite_directions_are_two_clusters():
     random = np.random.default_rng(0)
     right, left = random.normal((9, 2), 0.2, (50, 2)), random.normal((-9, -2), 0.2, (50, 2))
@@ -110,7 +117,7 @@ def reference(vectors: np.ndarray, config: Art2Config):
         best[m[:, 0] >= config.vigilance] = 0
         return best, m.max(axis=1), m  # novelty is against any neuron, whoever wins
 
-    phases = ((config.initial_neurons, 0.6, 0.2), (config.max_neurons, config.vigilance, 1.1))
+    phases = ((config.initial_neurons, config.spread_match, 0.2), (config.max_neurons, config.vigilance, 1.1))
     for limit, required, background in phases:
         while len(prototypes) < limit:
             _, value, m = compete()
@@ -131,19 +138,20 @@ def reference(vectors: np.ndarray, config: Art2Config):
             break
     two = np.sort(m, axis=1)[:, -2:]
     tie |= bool(len(prototypes) > 1 and (np.diff(two, axis=1) < 1e-5).any())
-    tie |= bool((np.abs(m[:, 0] - config.vigilance) < 1e-5).any() or (np.abs(m - 0.6) < 1e-5).any())
+    tie |= bool((np.abs(m[:, 0] - config.vigilance) < 1e-5).any() or (np.abs(m - config.spread_match) < 1e-5).any())
     tie |= bool((np.abs(m[:, 0] - 0.2) < 1e-5).any())
     return labels, prototypes, tie
 
 
-@given(st.integers(0, 10_000), st.sampled_from([0.1, 0.2, 0.3, 0.5, 0.8]), st.integers(1, 8))
+@given(st.integers(0, 10_000), st.sampled_from([0.1, 0.2, 0.3, 0.5, 0.8]), st.integers(1, 8),
+       st.sampled_from([0.5, 0.6, 0.8]))
 @settings(max_examples=60, deadline=None)
-def test_kernels_agree_with_plain_numpy(seed, vigilance, initial):
+def test_kernels_agree_with_plain_numpy(seed, vigilance, initial, spread):
     random = np.random.default_rng(seed)
     centres = random.uniform(-15, 15, (4, 2))
     vectors = np.vstack([random.normal(c, 0.5, (20, 2)) for c in centres] + [random.normal(0, 1, (40, 2))])
     vectors = vectors.astype(np.float32)
-    config = Art2Config(vigilance=vigilance, initial_neurons=initial, max_neurons=12)
+    config = Art2Config(vigilance=vigilance, initial_neurons=initial, max_neurons=12, spread_match=spread)
     labels, prototypes, tie = reference(vectors, config)
     if tie:
         return

@@ -1,0 +1,85 @@
+"""Nodes as processes under measurement: start, memory, clean end."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from motion_detect_ros.bridge.transport import environment
+from motion_detect_ros.core.errors import SourceError
+
+STOP_TIMEOUT_S = 10.0
+KILOBYTES_PER_MEGABYTE = 1024.0
+
+
+class NodeProcesses:
+    """Runs ``nodes``, each in a process of its own, with the shipped transport; use as a context manager.
+
+    parameters: ``name:=value`` or a parameter file for every node; variables: further environment.
+    """
+
+    def __init__(
+        self, nodes: tuple[str, ...], domain_id: int, parameters: tuple[str, ...] = (),
+        variables: dict[str, str] | None = None,
+    ) -> None:
+        self._nodes, self._arguments = nodes, list[str]()
+        for parameter in parameters:
+            self._arguments += ['--params-file' if parameter.endswith('.yaml') else '-p', parameter]
+        self._log = Path(tempfile.mkdtemp(prefix='motion_detect_'))
+        self._environment = {
+            **environment(), 'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            'ROS_HOME': str(self._log), **(variables or {})}
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def __enter__(self) -> NodeProcesses:
+        for node in self._nodes:
+            command = [sys.executable, '-m', f'motion_detect_ros.nodes.{node}', '--ros-args', *self._arguments]
+            with (self._log / f'{node}.txt').open('wb') as log:
+                self._running[node] = subprocess.Popen(
+                    command, env=self._environment, stdout=log, stderr=subprocess.STDOUT)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in self._running.values():
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        for process in self._running.values():
+            try:
+                process.wait(STOP_TIMEOUT_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        shutil.rmtree(self._log, ignore_errors=True)
+
+    def check(self) -> None:
+        """Raises: SourceError where a node has ended, with what it printed."""
+        for node, process in self._running.items():
+            if process.poll() is not None:
+                printed = (self._log / f'{node}.txt').read_text(encoding='utf-8', errors='replace').strip()
+                raise SourceError(f'{node}: ended with exit code {process.poll()}: {printed}')
+
+    def memory_mb(self, node: str) -> float:
+        """Resident memory of a node, megabytes. Raises: SourceError where the system does not tell."""
+        return resident_mb(self._running[node].pid)
+
+    def cpu_s(self, node: str) -> float:
+        """Processor time that a node has used, seconds."""
+        fields = Path(f'/proc/{self._running[node].pid}/stat').read_text(encoding='ascii').rsplit(')', 1)[1].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def resident_mb(pid: int) -> float:
+    """Resident memory of a process, megabytes. Raises: SourceError where the system does not tell."""
+    try:
+        status = Path(f'/proc/{pid}/status').read_text(encoding='ascii')
+    except OSError as error:
+        raise SourceError(f'process {pid}: expected /proc/{pid}/status, got {error.strerror}') from None
+    kilobytes = next((line.split()[1] for line in status.splitlines() if line.startswith('VmRSS:')), None)
+    if kilobytes is None:
+        raise SourceError(f'process {pid}: has ended')
+    return round(int(kilobytes) / KILOBYTES_PER_MEGABYTE, 1)

@@ -1,0 +1,66 @@
+"""The verdict of a soak run, and a short one over the real node."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from dataclasses import replace
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from motion_detect_ros.tools import soak
+from motion_detect_ros.tools.soak import Sample, summarize
+
+STEADY = [Sample(10.0 * (n + 1), 300.0, 80.0, 200, 200, 0, 0, 40.0, 50.0, 70.0, 35.0) for n in range(180)]
+
+
+def test_steady_run():
+    summary = summarize(STEADY, 20.0)
+    assert summary.steady
+    assert (summary.minutes, summary.sent, summary.answered) == (30.0, 36000, 36000)
+    assert (summary.latency_p50_ms, summary.latency_p95_ms, summary.latency_max_ms) == (40.0, 50.0, 70.0)
+    assert (summary.growth_mb, summary.growth_mb_per_hour) == (0.0, 0.0)
+
+
+def test_leak_is_seen_and_measured():
+    leaking = [replace(sample, memory_mb=300.0 + sample.seconds * 60.0 / 3600.0) for sample in STEADY]
+    summary = summarize(leaking, 20.0)
+    assert summary.growth_mb_per_hour == pytest.approx(60.0, abs=0.1)
+    assert not summary.steady
+
+
+def test_caches_that_fill_at_the_start_are_no_leak():
+    filling = [replace(sample, memory_mb=300.0 - max(0.0, 300.0 - sample.seconds)) for sample in STEADY]
+    assert summarize(filling, 20.0).steady
+
+
+def test_lost_pictures_are_seen_dropped_ones_are_told_apart():
+    assert not summarize([replace(sample, answered=190) for sample in STEADY], 20.0).steady
+    dropping = summarize([replace(sample, answered=190, dropped=10) for sample in STEADY], 20.0)
+    assert (dropping.steady, dropping.dropped, dropping.lost) == (True, 1800, 0)
+    assert not summarize([], 20.0).steady
+
+
+def test_wrong_use_is_one_line(capsys, tmp_path):
+    assert soak.main(['--minutes', '0', '-o', str(tmp_path)]) == 2
+    assert capsys.readouterr().err == 'error: --minutes, --rate: expected over 0, got 0, 20\n'
+
+
+@pytest.mark.skipif(not os.environ.get('SOAK_MINUTES'), reason='set SOAK_MINUTES for a long run')
+def test_long_run_is_steady(tmp_path):
+    minutes = float(os.environ['SOAK_MINUTES'])
+    assert soak.soak(minutes, 'default', soak.RATE_HZ, tmp_path).steady
+
+
+def test_short_run_over_the_real_node(tmp_path):
+    summary = soak.soak(0.1, 'default', 5.0, tmp_path, period_s=2.0)
+    with (tmp_path / 'samples.csv').open(encoding='utf-8') as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 3
+    assert all(float(row['memory_mb']) > 50.0 and float(row['latency_p50_ms']) > 0.0 for row in rows)
+    assert sum(int(row['sent']) for row in rows) == pytest.approx(30, abs=3)
+    assert json.loads((tmp_path / 'summary.json').read_text())['sent'] == summary.sent
+    assert summary.answered >= summary.sent - 2
