@@ -49,7 +49,7 @@ class MotionDetector:
         labels = self._art2.partial_fit(vectors.reshape(-1, 2)).reshape(vectors.shape[:2])
         segments = connected_segments(labels, self._art2.prototypes, self._join_match)
         field = MotionField(residual, background.behind(labels > 0), earlier.seconds, frame.scale)
-        pair = ImagePair(frame.gray, earlier.gray, at_scale(earlier.matrix, frame.scale))
+        pair = ImagePair(frame.gray, earlier.gray, at_scale(earlier.matrix, frame.scale), frame.mask)
         return without_fragments(self._finder.find(segments, field, pair, self._art2.names))
 
 
