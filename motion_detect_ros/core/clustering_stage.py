@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from motion_detect_ros.core.art2 import make_art2
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.contact import bearings
-from motion_detect_ros.core.evidence import ImagePair
-from motion_detect_ros.core.flow_features import motion_vectors
+from motion_detect_ros.core.detector import MotionDetector
 from motion_detect_ros.core.memory import Earlier, FrameMemory
-from motion_detect_ros.core.objects import MotionField, ObjectFinder
 from motion_detect_ros.core.optical_flow import total_to_residual
 from motion_detect_ros.core.scene_mask import scene_cells
 from motion_detect_ros.core.scene_model import SceneModel
-from motion_detect_ros.core.segments import connected_segments
 from motion_detect_ros.core.static_scene import guessed_camera
 from motion_detect_ros.core.track import Candidate
 from motion_detect_ros.core.tracks import Tracker
@@ -28,7 +24,6 @@ from motion_detect_ros.core.types import (
     RecordArray,
     empty_detections,
 )
-from motion_detect_ros.core.warp import at_scale
 
 #: Nothing seen before such a frame can be found again in it.
 STARTS_ANEW = (EgoStatus.FIRST_FRAME, EgoStatus.TIME_JUMP, EgoStatus.SIZE_CHANGE)
@@ -42,21 +37,20 @@ class ClusteringStage:
         self.camera = camera
         self._memory = FrameMemory(config.optical_flow.baseline_s)
         self._scene = SceneModel(config.background)
-        self._art2 = make_art2(config.art2)
-        self._finder = ObjectFinder(config.objects)
+        self._detector = MotionDetector(config)
         self._tracker = Tracker(config.tracks)
         self._stamp_ns: int | None = None
 
     @property
     def neurons(self) -> int:
         """Committed ART2 neurons, the background's included."""
-        return len(self._art2.prototypes)
+        return self._detector.neurons
 
     def reset(self) -> None:
         """Forget earlier frames, neurons and tracks; ids go on counting."""
         self._memory.reset()
         self._scene.reset()
-        self._art2.reset()
+        self._detector.reset()
         self._tracker.reset()
         self._stamp_ns = None
 
@@ -80,12 +74,7 @@ class ClusteringStage:
         if frame.mask is not None:
             residual[~scene_cells(frame.mask, earlier.matrix, frame.scale, *residual.shape[:2])] = np.nan
         background = self._scene.fit(flow.flow, residual, self._camera_of(flow))
-        vectors = motion_vectors(residual, background)
-        labels = self._art2.partial_fit(vectors.reshape(-1, 2)).reshape(vectors.shape[:2])
-        segments = connected_segments(labels, self._art2.prototypes, self._config.objects.join_match)
-        field = MotionField(residual, background.behind(labels > 0), earlier.seconds, frame.scale)
-        pair = ImagePair(frame.gray, earlier.gray, at_scale(earlier.matrix, frame.scale))
-        return self._finder.find(segments, field, pair, self._art2.names)
+        return self._detector.candidates(residual, background, frame, earlier)
 
     def _camera_of(self, flow: FlowField) -> CameraModel:
         """The calibration in the flow's pixels; a guess where there is none."""

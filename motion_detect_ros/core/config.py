@@ -142,9 +142,9 @@ class BackgroundConfig:
         low=0.0, high=1.0)
 
     noise_floor_px: float = setting(
-        0.3, 'noise of the flow over the baseline is never taken to be smaller', low=0.01, high=10.0, unit='px')
+        0.2, 'noise of the flow over the baseline is never taken to be smaller', low=0.01, high=10.0, unit='px')
     noise_share: float = setting(
-        0.04, 'share of the camera-caused flow that is added to the noise', low=0.0, high=1.0)
+        0.06, 'share of the camera-caused flow that is added to the noise', low=0.0, high=1.0)
 
 
 @dataclass(frozen=True)

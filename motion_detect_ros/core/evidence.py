@@ -30,11 +30,15 @@ MIN_NOISE_GRAY = 1.5
 
 @dataclass(frozen=True)
 class ImagePair:
-    """Current and earlier grey image, (h, w) uint8 each, ``matrix`` (3, 3) earlier -> current, working pixels."""
+    """Current and earlier grey image, (h, w) uint8 each, ``matrix`` (3, 3) earlier -> current, working pixels.
+
+    ``mask``: (h, w) bool, pixels of the current image that show the scene; None = all.
+    """
 
     current: ByteArray
     earlier: ByteArray
     matrix: DoubleArray
+    mask: BoolArray | None = None
 
     def error(self, points: FloatArray, motion: FloatArray) -> FloatArray:
         """Grey-value error at ``points`` (h, w, 2) if they moved by ``motion`` on top of the ego-motion, pixels."""
@@ -68,7 +72,10 @@ def support(
     source = points - (motion - background) - corner
     came_from_change = cv2.remap(changed, source.astype(np.float32), None, cv2.INTER_NEAREST,
                                  borderMode=cv2.BORDER_CONSTANT)
-    return Support((gain > threshold_sigma ** 2) & (came_from_change > 0), gain)
+    mask = (gain > threshold_sigma ** 2) & (came_from_change > 0)
+    if pair.mask is not None:
+        mask &= pair.mask[box.top:box.bottom, box.left:box.right]
+    return Support(mask, gain)
 
 
 def image_noise(pair: ImagePair, points: FloatArray, background: FloatArray) -> float:

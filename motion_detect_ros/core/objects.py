@@ -31,6 +31,8 @@ MARGIN_PX = 8
 SPACE_MARGIN_SHARE = 0.5
 #: Fewer supported pixels than this are noise.
 MIN_PIXELS = 8
+#: How far around an object the flow shows whether it is to be trusted there, cells.
+AROUND_CELLS = 4
 #: The gain that a patch's strongest pixels reach, as a percentile.
 PEAK_PERCENTILE = 90.0
 
@@ -70,6 +72,14 @@ class MotionField:
         motion: FloatArray = np.median(own[length >= np.median(length)], axis=0)
         sigma_px = float(np.median(self.background.sigma_px[rows, columns]))
         return motion, float(np.hypot(motion[0], motion[1])) / sigma_px, float(known.mean())
+
+    def known_around(self, rows: slice, columns: slice) -> float:
+        """Share of the cells within ``AROUND_CELLS`` of a window of cells, but not in it, whose motion is known."""
+        known = np.isfinite(self.residual[..., 0])
+        inside = known[rows, columns]
+        wide = known[max(0, rows.start - AROUND_CELLS):rows.stop + AROUND_CELLS,
+                     max(0, columns.start - AROUND_CELLS):columns.stop + AROUND_CELLS]
+        return (np.count_nonzero(wide) - np.count_nonzero(inside)) / max(1, wide.size - inside.size)
 
 
 class ObjectFinder:
@@ -140,13 +150,14 @@ class ObjectFinder:
         box, scale = patch.box, field.scale
         rows, columns = field.residual.shape[:2]
         height, width = pair.current.shape
-        motion, sigmas, known = field.own_motion(
-            slice(box.top * rows // height, -(-box.bottom * rows // height)),
-            slice(box.left * columns // width, -(-box.right * columns // width)))
+        cells = (slice(box.top * rows // height, -(-box.bottom * rows // height)),
+                 slice(box.left * columns // width, -(-box.right * columns // width)))
+        motion, sigmas, known = field.own_motion(*cells)
+        around = field.known_around(*cells)
         centre = np.array([box.left + box.right, box.top + box.bottom]) / (2.0 * scale)
         size = np.array([box.width, box.height]) / scale
         return Candidate(centre, size, motion.astype(np.float64) / field.seconds, patch.pixels / scale ** 2,
-                         log_odds(patch.pixels, sigmas, known), name)
+                         log_odds(patch.pixels, sigmas, known, around), name)
 
 
 def _cell_mask(segment: Segment, grid: tuple[int, ...], region: Box, width: int, height: int) -> BoolArray:

@@ -1,31 +1,33 @@
 """How sure one candidate is, from what is known about it in one frame.
 
-A logistic regression (Cox 1958) of "this candidate is a moving object" on three figures: how many pixels its own
-motion explains better, how fast it is in units of the flow's noise, and how much of its flow survived the check both
-ways. The coefficients were fitted over the candidates of the real clips in docs/accuracy.md, every clip with equal
-weight; docs/accuracy.md tells how they change, and what they are worth, when one clip is left out.
+A logistic regression (Cox 1958) of "this candidate is a moving object" on four figures: how many pixels its own
+motion explains better, how fast it is in units of the flow's noise, and how much of the flow in and around it survived
+the check both ways. The coefficients were fitted over the candidates of the real clips in docs/accuracy.md, every clip
+with equal weight, the intercept then lowered until false boxes were rare; docs/accuracy.md tells how they change, and
+what they are worth, when one clip is left out.
 """
 
 from __future__ import annotations
 
 import math
 
-INTERCEPT = -14.1
-PER_LOG_PIXELS = 0.75
-PER_LOG_SIGMAS = 1.75
-PER_KNOWN_SHARE = 7.5
+INTERCEPT = -24.2
+PER_LOG_PIXELS = 1.9
+PER_LOG_SIGMAS = 1.25
+PER_KNOWN_SHARE = 5.5
+PER_KNOWN_AROUND = 6.9
 #: Motion below this counts as this, noise units.
 MIN_SIGMAS = 0.1
 
 
-def log_odds(pixels: int, sigmas: float, known_share: float) -> float:
+def log_odds(pixels: int, sigmas: float, known_share: float, known_around: float) -> float:
     """Logarithm of p / (1 - p) that a candidate moves by itself.
 
-    pixels: supported ones, working resolution; sigmas: motion against the background in noise units; known_share:
-    of its cells, 0..1.
+    pixels: supported ones, working resolution; sigmas: motion against the background in noise units; known_share,
+    known_around: share of the cells with known flow, in its box and around it, 0..1.
     """
-    return (INTERCEPT + PER_LOG_PIXELS * math.log(max(1, pixels))
-            + PER_LOG_SIGMAS * math.log(max(MIN_SIGMAS, sigmas)) + PER_KNOWN_SHARE * known_share)
+    return (INTERCEPT + PER_LOG_PIXELS * math.log(max(1, pixels)) + PER_LOG_SIGMAS * math.log(max(MIN_SIGMAS, sigmas))
+            + PER_KNOWN_SHARE * known_share + PER_KNOWN_AROUND * known_around)
 
 
 def probability(odds: float) -> float:

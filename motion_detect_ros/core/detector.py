@@ -1,0 +1,68 @@
+"""From the residual flow of one pair of frames to candidate objects: ART2, segments, boxes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from motion_detect_ros.core.art2 import make_art2
+from motion_detect_ros.core.background import Background
+from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.evidence import ImagePair
+from motion_detect_ros.core.flow_features import motion_vectors
+from motion_detect_ros.core.memory import Earlier
+from motion_detect_ros.core.objects import MotionField, ObjectFinder
+from motion_detect_ros.core.segments import connected_segments
+from motion_detect_ros.core.track import Candidate
+from motion_detect_ros.core.types import FloatArray, PreparedFrame
+from motion_detect_ros.core.warp import at_scale
+
+#: Area of a fragment, share of its object's; gap between the two, share of its size; difference of their velocities,
+#: share of the object's.
+FRAGMENT_SHARE, BESIDE_SHARE, ALIKE_SHARE = 0.2, 0.3, 0.5
+
+
+class MotionDetector:
+    """Holds the ART2 memory of one kind of flow."""
+
+    def __init__(self, config: PipelineConfig) -> None:
+        self._join_match = config.objects.join_match
+        self._art2 = make_art2(config.art2)
+        self._finder = ObjectFinder(config.objects)
+
+    @property
+    def neurons(self) -> int:
+        """Committed ART2 neurons, the background's included."""
+        return len(self._art2.prototypes)
+
+    def reset(self) -> None:
+        """Forget the neurons."""
+        self._art2.reset()
+
+    def candidates(
+        self, residual: FloatArray, background: Background, frame: PreparedFrame, earlier: Earlier,
+    ) -> list[Candidate]:
+        """What moves against the background between ``earlier`` and ``frame``.
+
+        residual: (gh, gw, 2) flow with the ego-motion taken out, full-resolution pixels, NaN = unknown.
+        """
+        vectors = motion_vectors(residual, background)
+        labels = self._art2.partial_fit(vectors.reshape(-1, 2)).reshape(vectors.shape[:2])
+        segments = connected_segments(labels, self._art2.prototypes, self._join_match)
+        field = MotionField(residual, background.behind(labels > 0), earlier.seconds, frame.scale)
+        pair = ImagePair(frame.gray, earlier.gray, at_scale(earlier.matrix, frame.scale), frame.mask)
+        return without_fragments(self._finder.find(segments, field, pair, self._art2.names))
+
+
+def without_fragments(candidates: list[Candidate]) -> list[Candidate]:
+    """Without the small ones that move along with a much larger one beside them: its shadow, wake or reflection."""
+    return [one for one in candidates if not any(_fragment(one, other) for other in candidates)]
+
+
+def _fragment(one: Candidate, other: Candidate) -> bool:
+    area = float(one.size.prod())
+    if area > FRAGMENT_SHARE * float(other.size.prod()):
+        return False
+    gap = np.abs(one.centre - other.centre) - (one.size + other.size) / 2.0
+    difference = one.velocity_px_s - other.velocity_px_s
+    speed = float(np.hypot(*other.velocity_px_s))
+    return bool(gap.max() <= BESIDE_SHARE * np.sqrt(area) and np.hypot(*difference) < ALIKE_SHARE * speed)
