@@ -160,6 +160,9 @@ class Art2Config:
         0.95, 'share of the way a neuron moves to what it won (near 1 = fast learning); alpha of classic',
         low=0.01, high=1.0)
     initial_neurons: int = setting(15, 'neurons spread over the motions at once', low=1, high=200)
+    spread_match: float = setting(
+        0.6, 'magnitude: they spread until all that clearly moves matches one so well; 0.6 tells speeds of 3 : 7 and'
+        ' directions of 47 degrees apart, 0.8 speeds of 2 : 3 and 23 degrees', low=0.0, high=1.0)
     max_neurons: int = setting(25, 'neurons the memory may grow to', low=2, high=200)
     forget_frames: int = setting(
         10, 'a neuron that wins nothing for this long is forgotten', low=1, high=1000, unit='frames')
@@ -171,9 +174,6 @@ class Art2Config:
         'slow', 'classic: slow = one weight update for each vector, fast = updates until the weights settle',
         choices=('slow', 'fast'))
     a: float = setting(10.0, 'classic: feedback from u to w', low=0.0, high=1000.0)
-    spread_match: float = setting(
-        0.6, 'magnitude: they spread until all that clearly moves matches one so well; 0.6 tells speeds of 3 : 7 and'
-        ' directions of 47 degrees apart, 0.8 speeds of 2 : 3 and 23 degrees', low=0.0, high=1.0)
     b: float = setting(10.0, 'classic: feedback from q to v', low=0.0, high=1000.0)
     c: float = setting(0.1, 'classic: weight of p in the test for reset; c d / (1 - d) is at most 1', low=0.0, high=1.0)
     d: float = setting(0.9, 'classic: output of the winning neuron', low=0.01, high=0.99)
