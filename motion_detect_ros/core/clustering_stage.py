@@ -7,6 +7,7 @@ import numpy as np
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.contact import bearings
 from motion_detect_ros.core.detector import MotionDetector
+from motion_detect_ros.core.expansion import with_growth
 from motion_detect_ros.core.memory import Earlier, FrameMemory
 from motion_detect_ros.core.optical_flow import total_to_residual
 from motion_detect_ros.core.scene_mask import scene_cells
@@ -74,7 +75,8 @@ class ClusteringStage:
         if frame.mask is not None:
             residual[~scene_cells(frame.mask, earlier.matrix, frame.scale, *residual.shape[:2])] = np.nan
         background = self._scene.fit(flow.flow, residual, self._camera_of(flow))
-        return self._detector.candidates(residual, background, frame, earlier)
+        found = self._detector.candidates(residual, background, frame, earlier)
+        return with_growth(found, flow, residual - background.flow, earlier.seconds)
 
     def _camera_of(self, flow: FlowField) -> CameraModel:
         """The calibration in the flow's pixels; a guess where there is none."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from motion_detect_ros.core.contact import Approach, Growth
 from motion_detect_ros.core.types import DoubleArray
 
 #: Measurement noise of a box centre, share of the box's side; and process noise of the velocity, shares per second.
@@ -28,7 +29,7 @@ KEPT_LAG, LAG_WEIGHT = 0.6, 1.25
 class Candidate:
     """One object seen in one frame. ``centre``, ``size``, ``velocity_px_s``: (2,) full-resolution pixels.
 
-    ``log_odds``: how sure this frame alone is that it moves, see ``core.scoring``.
+    ``log_odds``: how sure this frame alone is that it moves, see ``core.scoring``; ``growth``: None = not measured.
     """
 
     centre: DoubleArray
@@ -37,6 +38,7 @@ class Candidate:
     area: float
     log_odds: float
     cluster: int
+    growth: Growth | None = None
 
 
 class Spread:
@@ -85,6 +87,8 @@ class Track:
         self.hits: list[bool] = [True]
         self.log_odds = seen.log_odds
         self.astray_px = 0.0
+        self.approach = Approach()
+        self.approach.update(seen.growth)
         self._spread = Spread()
 
     @staticmethod
@@ -108,6 +112,7 @@ class Track:
 
     def predict(self, matrix: DoubleArray, dt_s: float) -> None:
         """Carry the state over ``dt_s``: ego-motion of the position, then own velocity."""
+        self.approach.predict(dt_s)
         x, y, vx, vy = self.state
         moved = matrix @ [x, y, 1.0]
         moved = moved[:2] / moved[2]
@@ -140,6 +145,7 @@ class Track:
         self.covariance = self.covariance - gain @ self.covariance
         self.size = self.size + SIZE_GAIN * (seen.size - self.size)
         self.log_odds = min(MAX_LOG_ODDS, KEPT_ODDS * self.log_odds + seen.log_odds)
+        self.approach.update(seen.growth)
         self.seen = seen
         self.missed = 0
         self.astray_px = 0.0

@@ -133,6 +133,7 @@ class Tracker:
             (record['u'], record['v']), (record['width'], record['height']) = track.visible(width, height)
             record['vel_u'], record['vel_v'] = track.state[2:]
             record['var_u'], record['var_v'] = track.velocity_variance
+            record['ttc'] = track.approach.time_to_contact_s
             record['score'] = probability(track.log_odds)
             record['id'], record['age'], record['area'] = track.id, track.age, track.seen.area
             record['cluster'] = track.seen.cluster
