@@ -94,7 +94,7 @@ class OpticalFlowConfig:
     """Dense flow."""
 
     method: str = setting(
-        'dis', 'dis is dis_fast with the two settings below; from dual_tvl1 on they need opencv-contrib, onnx needs '
+        'dis', 'dis is dis_fast with the three settings below; from dual_tvl1 on they need opencv-contrib, onnx needs '
         'onnxruntime', choices=FLOW_METHODS)
     onnx_model: str = setting('', 'file of the network that method onnx runs')
     baseline_s: float = setting(
@@ -104,6 +104,9 @@ class OpticalFlowConfig:
         2, 'finest pyramid level of methods dis and variational, 0 = full resolution', low=0, high=4)
     refinement_iterations: int = setting(
         2, 'rounds of variational refinement on every level, method dis', low=0, high=50)
+    smoothness: float = setting(
+        10.0, 'weight of smooth flow against equal grey values in these rounds: more holds noise down, less lets small '
+        'objects move for themselves', low=0.1, high=1000.0)
     grid_px: int = setting(4, 'cell size of the published flow grid, working-resolution pixels',
                            low=1, high=32, unit='px')
     forward_backward_px: float = setting(

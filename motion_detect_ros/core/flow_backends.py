@@ -54,10 +54,12 @@ def make_flow(config: OpticalFlowConfig) -> FlowFunction:
 
 
 class Dis:
-    """Dense inverse search (Kroeger et al. 2016)."""
+    """Dense inverse search (Kroeger et al. 2016); what is None is as in OpenCV's preset."""
 
-    def __init__(self, preset: int, finest_scale: int | None = None, refinement_iterations: int | None = None) -> None:
-        self._preset, self._finest_scale, self._refinement_iterations = preset, finest_scale, refinement_iterations
+    def __init__(self, preset: int, finest_scale: int | None = None, refinement_iterations: int | None = None,
+                 smoothness: float | None = None) -> None:
+        self._preset, self._finest_scale = preset, finest_scale
+        self._refinement_iterations, self._smoothness = refinement_iterations, smoothness
         self._size: tuple[int, ...] = ()
 
     def __call__(self, current: ByteArray, earlier: ByteArray, start: FloatArray | None = None, /) -> FloatArray:
@@ -73,6 +75,8 @@ class Dis:
             dis.setFinestScale(self._finest_scale)
         if self._refinement_iterations is not None:
             dis.setVariationalRefinementIterations(self._refinement_iterations)
+        if self._smoothness is not None:
+            dis.setVariationalRefinementAlpha(self._smoothness)
         return dis
 
 
@@ -121,7 +125,7 @@ def dense_lucas_kanade(current: ByteArray, earlier: ByteArray, start: FloatArray
 #: Methods that come with every OpenCV: name -> what makes it.
 BUILT_IN: dict[str, Callable[[OpticalFlowConfig], FlowFunction]] = {
     'dis': lambda config: Dis(
-        cv2.DISOPTICAL_FLOW_PRESET_FAST, config.finest_scale, config.refinement_iterations),
+        cv2.DISOPTICAL_FLOW_PRESET_FAST, config.finest_scale, config.refinement_iterations, config.smoothness),
     'dis_ultrafast': lambda _: Dis(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST),
     'dis_fast': lambda _: Dis(cv2.DISOPTICAL_FLOW_PRESET_FAST),
     'dis_medium': lambda _: Dis(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM),

@@ -83,12 +83,13 @@ def test_both_ways_drops_what_does_not_return(wrong_value: float) -> None:
     np.testing.assert_array_equal(found, np.full((20, 30, 2), (8.0, 0.0)))
 
 
-def test_dis_is_opencvs_with_the_two_settings() -> None:
+def test_dis_is_opencvs_with_the_three_settings() -> None:
     current, earlier, _ = pair()
     reference = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
     reference.setFinestScale(1)
     reference.setVariationalRefinementIterations(7)
-    config = OpticalFlowConfig(method='dis', finest_scale=1, refinement_iterations=7)
+    reference.setVariationalRefinementAlpha(3.0)
+    config = OpticalFlowConfig(method='dis', finest_scale=1, refinement_iterations=7, smoothness=3.0)
     np.testing.assert_array_equal(make_flow(config)(current, earlier), reference.calc(current, earlier, None))
 
 
