@@ -99,7 +99,7 @@ def test_between_full_frames_the_flow_is_of_the_square_and_what_is_around_it() -
         x, y = corner(index) // 4 + 3
         on_it = flows[index][y:y + 6, x:x + 6] - STEP
         assert np.nanmedian(np.abs(on_it)) < 1.0 and np.isfinite(on_it).mean() > 0.8
-        assert np.isnan(flows[index][:, -6:]).all()
+        assert np.isnan(flows[index][:, -6:]).mean() > 0.9
 
 
 def test_without_movers_nothing_is_computed_between() -> None:

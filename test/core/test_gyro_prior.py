@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -101,7 +102,7 @@ def fast() -> tuple[float, list[np.ndarray], list[np.ndarray]]:
 def test_fast_turns_are_followed_with_the_prior_and_lost_without(fast):
     speed, poses, pictures = fast
     centre = np.array([[239.5, 179.5]])
-    steps = [np.linalg.norm(seen(homography(a, b), centre) - centre) for a, b in zip(poses, poses[1:], strict=False)]
+    steps = [np.linalg.norm(seen(homography(a, b), centre) - centre) for a, b in pairwise(poses)]
     assert min(steps) > 25
     without = errors(fly(pictures, config_for(ImuConfig()), speed), poses)
     helped = errors(fly(pictures, config_for(ImuConfig(use=True)), speed), poses)
