@@ -46,6 +46,9 @@ class PreprocessingConfig:
 class EgoMotionConfig:
     """How the camera moved the background."""
 
+    method: str = setting(
+        'indirect', 'what is compared: indirect = tracked features, direct = grey values, flow = coarse dense flow',
+        choices=('indirect', 'direct', 'flow'))
     model: str = setting(
         'affine', 'family of warps; quadratic is the flow of a plane',
         choices=('translation', 'similarity', 'affine', 'homography', 'quadratic'))
