@@ -67,7 +67,7 @@ class ClusteringStage:
             self._tracker.skip(ego.matrix if ego.ok else None, ego.dt_s, frame.width, frame.height)
             return empty_detections()
         candidates = self._candidates(frame, earlier, flow)
-        records = self._tracker.step(candidates, ego.matrix, ego.dt_s, frame.width, frame.height)
+        records = self._tracker.step(candidates, ego.matrix, ego.dt_s, frame.width, frame.height, frame.gray)
         return bearings(records, self.camera)
 
     def _candidates(self, frame: PreparedFrame, earlier: Earlier, flow: FlowField) -> list[Candidate]:

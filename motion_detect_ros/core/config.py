@@ -46,6 +46,9 @@ class PreprocessingConfig:
 class EgoMotionConfig:
     """How the camera moved the background."""
 
+    method: str = setting(
+        'indirect', 'what is compared: indirect = tracked features, direct = grey values, flow = coarse dense flow',
+        choices=('indirect', 'direct', 'flow'))
     model: str = setting(
         'affine', 'family of warps; quadratic is the flow of a plane',
         choices=('translation', 'similarity', 'affine', 'homography', 'quadratic'))
@@ -226,6 +229,11 @@ class TracksConfig:
     show_log_odds: float = setting(
         0.0, 'a confirmed track is reported while its evidence is at least this', low=-100.0, high=100.0)
     coast_frames: int = setting(3, 'frames a confirmed track lives without detection', low=0, high=100)
+    memory: str = setting(
+        'none', 'objects that stop are recognised by their looks: template (pixels) or camshift (grey values)',
+        choices=('none', 'template', 'camshift'))
+    memory_s: float = setting(
+        2.0, 'how long they are held where they are, their score fading', low=0.0, high=60.0, unit='s')
 
     def __post_init__(self) -> None:
         if self.confirm_hits > self.confirm_frames:

@@ -7,8 +7,8 @@ import numpy as np
 
 from motion_detect_ros.core.affine import to_centre
 from motion_detect_ros.core.config import PipelineConfig
-from motion_detect_ros.core.ego_indirect import IndirectMethod
 from motion_detect_ros.core.ego_measured import centre_of
+from motion_detect_ros.core.ego_methods import make_method
 from motion_detect_ros.core.gyro_prior import GyroPrior
 from motion_detect_ros.core.motion_models import theta_matrix
 from motion_detect_ros.core.robust_fit import MotionFit
@@ -30,7 +30,7 @@ class EgoMotionStage:
         """Raises: BackendError for features that this OpenCV does not have."""
         self._config = config.ego_motion
         self.camera = camera
-        self._method = IndirectMethod(self._config)
+        self._method = make_method(self._config)
         self._filter = make_smoother(self._config)
         self._gyro = GyroPrior(config.imu)
         self._previous: PreparedFrame | None = None

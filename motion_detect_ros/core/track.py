@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from motion_detect_ros.core.contact import Approach, Growth
+from motion_detect_ros.core.track_memory import Appearance
 from motion_detect_ros.core.types import DoubleArray
 
 #: Measurement noise of a box centre, share of the box's side; and process noise of the velocity, shares per second.
@@ -19,6 +20,8 @@ MISS_LOG_ODDS = 1.0
 MAX_LOG_ODDS = 10.0
 #: Weight of a new size against the remembered one.
 SIZE_GAIN = 0.4
+#: What a held object keeps of its velocity from frame to frame.
+HELD_VELOCITY = 0.6
 #: Memory of the measured spread of the innovations, the weight of the assumed spread, and its smallest share.
 KEPT_SPREAD, PRIOR_UPDATES, MIN_SPREAD = 0.9, 5.0, 0.25
 #: Memory of the mean velocity innovation, and what its square adds to the variance.
@@ -89,6 +92,9 @@ class Track:
         self.astray_px = 0.0
         self.approach = Approach()
         self.approach.update(seen.growth)
+        self.appearance: Appearance | None = None
+        self.held_s = 0.0
+        self._sure_log_odds = seen.log_odds
         self._spread = Spread()
 
     @staticmethod
@@ -148,12 +154,26 @@ class Track:
         self.approach.update(seen.growth)
         self.seen = seen
         self.missed = 0
+        self.held_s = 0.0
+        self._sure_log_odds = self.log_odds
         self.astray_px = 0.0
 
     def miss(self) -> None:
         """Nothing was found where the object should be."""
         self.log_odds = KEPT_ODDS * self.log_odds - MISS_LOG_ODDS
         self.missed += 1
+
+    def hold(self, centre: DoubleArray, dt_s: float, memory_s: float) -> None:
+        """The object shows no motion but was recognised at ``centre``: evidence fades to nothing over ``memory_s``."""
+        self.held_s += dt_s
+        noise = MIN_CENTRE_PX ** 2
+        gain = self.covariance[:, :2] @ np.linalg.inv(self.covariance[:2, :2] + noise * np.eye(2))
+        self.state = self.state + gain @ (centre - self.state[:2])
+        self.state[2:] *= HELD_VELOCITY
+        self.covariance = self.covariance - gain @ self.covariance[:2]
+        self.log_odds = self._sure_log_odds * max(0.0, 1.0 - self.held_s / memory_s)
+        self.missed = 0
+        self.astray_px = 0.0
 
     def unseen(self) -> None:
         """Nothing could be looked for: no evidence either way, but what there is gets older."""

@@ -12,7 +12,8 @@ from scipy.optimize import linear_sum_assignment
 from motion_detect_ros.core.config import TracksConfig
 from motion_detect_ros.core.scoring import probability
 from motion_detect_ros.core.track import Candidate, Track
-from motion_detect_ros.core.types import DoubleArray, RecordArray, empty_detections
+from motion_detect_ros.core.track_memory import MEMORIES
+from motion_detect_ros.core.types import ByteArray, DoubleArray, RecordArray, empty_detections
 
 #: Cost that forbids a pairing.
 FORBIDDEN = 1e6
@@ -22,6 +23,8 @@ CAMERA_WIDTHS_PER_S = 0.25
 KEPT_CAMERA_SPEED = 0.9
 #: Deviations of the position of a track that has gone astray within which it is looked for.
 ASTRAY_DEVIATIONS = 2.0
+#: A box is that of the whole object where centre and size are so close to the track's.
+SETTLED_SHARE, SETTLED_PX, SETTLED_LOG_SIZE = 0.1, 1.0, 0.25
 
 
 class Tracker:
@@ -33,6 +36,7 @@ class Tracker:
         self._started = 0
         self._confirmed = 0
         self._camera_px_s = 0.0
+        self._learn = MEMORIES.get(config.memory) if config.memory_s > 0.0 else None
 
     def reset(self) -> None:
         """Forget all tracks; ids go on counting."""
@@ -41,10 +45,12 @@ class Tracker:
 
     def step(
         self, candidates: list[Candidate], matrix: DoubleArray, dt_s: float, width: int, height: int,
+        gray: ByteArray | None = None,
     ) -> RecordArray:
         """One frame of ``width`` x ``height`` pixels: predict, assign, update.
 
-        matrix: (3, 3) previous pixel -> current pixel; dt_s: time between them, seconds. Returns the confirmed objects
+        matrix: (3, 3) previous pixel -> current pixel; dt_s: time between them, seconds; gray: (h, w) uint8, the frame
+        at working resolution, in which objects that stop are looked for. Returns the confirmed objects
         (``DETECTION_DTYPE``), boxes cut to the image; a track whose centre has left the image is over.
         """
         self._predict(matrix, dt_s, width, height)
@@ -54,7 +60,9 @@ class Tracker:
             track.hits = [*track.hits, hit][-self._config.confirm_frames:]
             if hit:
                 track.update(candidates[pairs[index]])
-            else:
+                self._remember(track, gray, width)
+        for index, track in enumerate(self._tracks):
+            if index not in pairs and not self._hold(track, gray, dt_s, width):
                 track.miss()
         taken = set(pairs.values())
         for index, seen in enumerate(candidates):
@@ -85,6 +93,30 @@ class Tracker:
         camera_px = max(self._camera_px_s, CAMERA_WIDTHS_PER_S * width) * dt_s
         for track in self._tracks:
             track.predict_blind(camera_px, dt_s)
+
+    def _remember(self, track: Track, gray: ByteArray | None, width: int) -> None:
+        """Learn an object's looks while its box is that of the whole object."""
+        if self._learn is None or gray is None or not track.id:
+            return
+        off = np.abs(track.seen.centre - track.state[:2]) - SETTLED_SHARE * track.size
+        if (off < SETTLED_PX).all() and (np.abs(np.log(track.seen.size / track.size)) < SETTLED_LOG_SIZE).all():
+            scale = gray.shape[1] / width
+            learnt = self._learn(gray, track.state[:2] * scale, track.size * scale)
+            track.appearance = learnt or track.appearance
+
+    def _hold(self, track: Track, gray: ByteArray | None, dt_s: float, width: int) -> bool:
+        """Whether a confirmed track without a detection was recognised by its looks."""
+        if gray is None or track.appearance is None or track.held_s + dt_s > self._config.memory_s:
+            return False
+        if any(other is not track and other.id and not other.missed and not other.held_s
+               and (np.abs(other.state[:2] - track.state[:2]) < 0.5 * other.size).all() for other in self._tracks):
+            return False  # another track has found what is there
+        scale = gray.shape[1] / width
+        found = track.appearance.find(gray, track.state[:2] * scale, track.size * scale)
+        if found is None:
+            return False
+        track.hold(found / scale, dt_s, self._config.memory_s)
+        return True
 
     def _predict(self, matrix: DoubleArray, dt_s: float, width: int, height: int) -> None:
         centre = np.array([width / 2.0, height / 2.0, 1.0])
