@@ -64,9 +64,14 @@ class EgoMotionConfig:
     ransac_threshold_px: float = setting(
         1.0, 'distance to the model up to which RANSAC counts a track as background', low=0.1, high=20.0, unit='px')
     smoothing: str = setting(
-        'kalman', 'filter on the affine parameters', choices=('kalman', 'none'))
+        'kalman', 'filter on the affine parameters; autoregressive learns the rhythm of a shaking camera',
+        choices=('kalman', 'autoregressive', 'none'))
     process_noise_px_per_s2: float = setting(
         3000.0, 'how hard the camera may accelerate (standard deviation)', low=1.0, high=1e6, unit='px/s^2')
+    ar_order: int = setting(
+        4, 'autoregressive: measurements that the next one is predicted from', low=1, high=12, unit='frames')
+    ar_memory_frames: int = setting(
+        40, 'autoregressive: over how long its weights are learnt', low=5, high=1000, unit='frames')
     max_gap_s: float = setting(
         1.0, 'a longer gap between frames starts everything anew', low=0.01, high=60.0, unit='s')
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
+from motion_detect_ros.core.autoregressive import ParameterAutoregression
 from motion_detect_ros.core.config import EgoMotionConfig
 from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.core.kalman import ParameterKalman
@@ -49,5 +50,6 @@ def make_smoother(config: EgoMotionConfig) -> Smoother:
 
 SMOOTHERS: dict[str, Callable[[EgoMotionConfig], Smoother]] = {
     'kalman': ParameterKalman,
+    'autoregressive': ParameterAutoregression,
     'none': lambda _: AsMeasured(),
 }

@@ -63,3 +63,47 @@ def test_one_wild_estimate_is_refused_a_lasting_change_is_believed():
     assert all(accepted[:10]) and all(accepted[11:21])
     assert accepted[21:24] == [False, False, True]
     assert smooth[-1] == pytest.approx(40.0, abs=0.1)
+
+
+#: Chi-square with six degrees of freedom: the ellipses that hold half and 95 % of a Gaussian (tables).
+ELLIPSE_50, ELLIPSE_95 = 5.348, 12.592
+
+
+def squared_distances(path: str, trials: int = 500, frames: int = 15, spread: float = 30.0) -> np.ndarray:
+    """Squared Mahalanobis distances of the filtered parameters from the true ones, at the end of every trial.
+
+    path: ``wiener``, an acceleration that changes by a random step each frame; ``white``, one drawn anew each frame;
+    ``steady``, none.
+    """
+    random, found = np.random.default_rng(7), []
+    mixed = random.normal(size=(6, 6))
+    noise = 0.05 ** 2 * (mixed @ mixed.T / 6 + 0.2 * np.eye(6))  # correlated, about 0.05 px
+    for _ in range(trials):
+        smoother = ParameterKalman(EgoMotionConfig(process_noise_px_per_s2=spread))
+        rate, acceleration = random.normal(0, 200, 6), random.normal(0, spread, 6)
+        for index in range(frames):
+            true = rate * DT_S
+            measured = random.multivariate_normal(true, noise)
+            params, covariance, accepted = smoother.update(measured, noise, (index + 1) * PERIOD_NS, DT_S)
+            step = random.normal(0, spread, 6)
+            acceleration = {'wiener': acceleration + step, 'white': step, 'steady': 0 * step}[path]
+            rate = rate + acceleration * DT_S
+        if accepted:  # of the 0.1 % beyond the gate there is no estimate
+            found.append((params - true) @ np.linalg.solve(covariance, params - true))
+    assert len(found) > 0.98 * trials
+    return np.array(found)
+
+
+def test_the_reported_covariance_is_the_spread_of_the_errors():
+    """The mean of 500 distances with six degrees of freedom has a deviation of sqrt(12 / 500) = 0.15."""
+    distances = squared_distances('wiener')
+    assert 0.92 < np.mean(distances < ELLIPSE_95) < 0.98
+    assert 0.43 < np.mean(distances < ELLIPSE_50) < 0.57
+    assert np.mean(distances) == pytest.approx(6.0, abs=0.6)
+
+
+@pytest.mark.parametrize('path', ['white', 'steady'])
+def test_paths_other_than_the_model_s_stay_inside_without_making_it_absurdly_wide(path):
+    distances = squared_distances(path)
+    assert np.mean(distances < ELLIPSE_95) >= 0.9
+    assert np.mean(distances < ELLIPSE_50) < 0.75
