@@ -61,11 +61,14 @@ class Dis:
         self._preset, self._finest_scale = preset, finest_scale
         self._refinement_iterations, self._smoothness = refinement_iterations, smoothness
         self._size: tuple[int, ...] = ()
+        self._guessed = False
 
     def __call__(self, current: ByteArray, earlier: ByteArray, start: FloatArray | None = None, /) -> FloatArray:
         """As ``FlowFunction``; ``start`` is one more candidate for every patch."""
-        if current.shape != self._size:  # OpenCV's changes its own parameters for small pictures and keeps them
+        # OpenCV's changes its own parameters for small pictures and keeps them; it keeps a first guess, too.
+        if current.shape != self._size or (self._guessed and start is None):
             self._dis, self._size = self._make(), current.shape
+        self._guessed = start is not None
         flow: FloatArray = self._dis.calc(current, earlier, None if start is None else start.copy())
         return flow
 

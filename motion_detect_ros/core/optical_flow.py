@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import cv2
+import numba
 import numpy as np
 
 from motion_detect_ros.core.config import PipelineConfig
-from motion_detect_ros.core.flow_backends import FlowFunction, make_flow
+from motion_detect_ros.core.flow_backends import BUILT_IN, FlowFunction, make_flow
 from motion_detect_ros.core.flow_regions import Boxes, flow_in_regions, moving_cells, regions_around
 from motion_detect_ros.core.flow_search import search_fast_movers
 from motion_detect_ros.core.memory import Earlier, FrameMemory
@@ -36,12 +38,25 @@ class _Last:
     since_full: int
 
 
+@dataclass(frozen=True)
+class SecondThread:
+    """Finds the way back while the caller finds the way there.
+
+    ``flow``: the same method once more, as most keep buffers between calls; ``pool``: one worker.
+    """
+
+    flow: FlowFunction
+    pool: ThreadPoolExecutor
+
+
 class OpticalFlowStage:
     """Keeps the last frames; gives the flow over ``baseline_s`` seconds for each new one."""
 
     def __init__(self, config: PipelineConfig) -> None:
         self._config = config.optical_flow
         self._flow = make_flow(self._config)
+        self._second = (SecondThread(make_flow(self._config), ThreadPoolExecutor(1, 'way_back'))
+                        if self._config.method in BUILT_IN else None)
         self._memory = FrameMemory(self._config.baseline_s)
         self._last: _Last | None = None
 
@@ -83,52 +98,42 @@ class OpticalFlowStage:
         if guess is not None and since_full:
             boxes = regions_around(moving_cells(guess), *frame.gray.shape[::-1])
         shift = both_ways(self._flow, frame.gray, stabilised, rows, columns, self._config.forward_backward_px,
-                          guess if self._config.warm_start else None, boxes)
+                          guess if self._config.warm_start else None, boxes,
+                          self._second if cv2.getNumThreads() > 1 else None)
         if self._config.search_px:
             shift = search_fast_movers(shift, frame.gray, stabilised, self._config.search_px)
-        self._last = _Last(shift.copy(), frame.stamp_ns, since_full)
-        shift /= np.float32(frame.scale)
-        points = grid_points(rows, columns, frame.width, frame.height)
-        origin = apply(inverse(earlier.matrix), points + shift)
-        flow = points - origin
-        flow[outside(origin, frame.width, frame.height)] = np.nan
-        return flow
+        self._last = _Last(shift, frame.stamp_ns, since_full)
+        back = inverse(earlier.matrix).astype(np.float32)
+        return _total(np.ascontiguousarray(shift, np.float32), back, np.float32(frame.scale), frame.width, frame.height)
 
 
 def both_ways(
     flow: FlowFunction, current: ByteArray, earlier: ByteArray, rows: int, columns: int, limit_px: float,
-    guess: FloatArray | None = None, boxes: Boxes | None = None,
+    guess: FloatArray | None = None, boxes: Boxes | None = None, second: SecondThread | None = None,
 ) -> FloatArray:
     """(rows, columns, 2) displacement from ``current`` to ``earlier``, NaN where the way back does not return.
 
     Averaged over the cells of the grid first: most methods are no finer than that. limit_px: largest distance between
     a point and where the way there and back leads, plus a share of their lengths. guess: (rows, columns, 2) what
-    to start from; boxes: (n, 4) regions as of ``flow_in_regions``, NaN outside; None = everywhere.
+    to start from; boxes: (n, 4) regions as of ``flow_in_regions``, NaN outside, None = everywhere; second: what finds
+    the way back at the same time, None = ``flow`` does, afterwards. The answer is the same with and without it.
     """
     size = current.shape[::-1]
     guesses = (None, None) if guess is None else (guess, turned_round(guess, *size))
-    found = []
-    for one, other, coarse in ((current, earlier, guesses[0]), (earlier, current, guesses[1])):
+
+    def one_way(method: FlowFunction, one: ByteArray, other: ByteArray, coarse: FloatArray | None) -> FloatArray:
         start = None if coarse is None else cv2.resize(coarse, size, interpolation=cv2.INTER_LINEAR)
-        dense = (flow(one, other, start) if boxes is None
-                 else flow_in_regions(flow, one, other, boxes, start=start))
-        found.append(cv2.resize(dense, (columns, rows), interpolation=cv2.INTER_AREA))
-    there, back = found
-    cell_px = np.array([current.shape[1] / columns, current.shape[0] / rows], np.float32)
-    target = there / cell_px + grid_points(rows, columns, columns, rows)
-    returned = cv2.remap(back, target, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    error = np.square(there + returned).sum(axis=2)
-    length = np.square(there).sum(axis=2) + np.square(returned).sum(axis=2)
-    there[~(error <= limit_px ** 2 + RETURN_SHARE * length)] = np.nan
-    checked: FloatArray = there
-    return checked
+        dense = (method(one, other, start) if boxes is None
+                 else flow_in_regions(method, one, other, boxes, start=start))
+        return np.asarray(cv2.resize(dense, (columns, rows), interpolation=cv2.INTER_AREA), np.float32)
 
-
-def outside(points: FloatArray, width: int, height: int) -> np.ndarray:
-    """True for points that are not on the image."""
-    x, y = points[..., 0], points[..., 1]
-    inside: np.ndarray = (x >= 0) & (y >= 0) & (x <= width - 1) & (y <= height - 1)
-    return ~inside
+    if second is None:
+        there, back = one_way(flow, current, earlier, guesses[0]), one_way(flow, earlier, current, guesses[1])
+    else:
+        found = second.pool.submit(one_way, second.flow, earlier, current, guesses[1])
+        there, back = one_way(flow, current, earlier, guesses[0]), found.result()
+    return _checked(there, back, np.float32(current.shape[1] / columns), np.float32(current.shape[0] / rows),
+                    np.float32(limit_px ** 2))
 
 
 def total_to_residual(flow: FloatArray, matrix: DoubleArray, width: int, height: int) -> FloatArray:
@@ -140,3 +145,52 @@ def total_to_residual(flow: FloatArray, matrix: DoubleArray, width: int, height:
     points = grid_points(flow.shape[0], flow.shape[1], width, height)
     residual: FloatArray = points - apply(matrix, points - flow)
     return residual
+
+
+@numba.njit(cache=True, nogil=True)
+def _checked(there, back, cell_x, cell_y, limit_squared):  # type: ignore[no-untyped-def]
+    """``there`` (rows, columns, 2) with NaN where ``back``, linear between cells, does not return; cells in pixels."""
+    rows, columns = there.shape[:2]
+    checked = np.full(there.shape, np.nan, np.float32)
+    for r in range(rows):
+        for c in range(columns):
+            dx, dy = there[r, c, 0], there[r, c, 1]
+            if not (np.isfinite(dx) and np.isfinite(dy)):
+                continue
+            x = min(max(dx / cell_x + np.float32(c), np.float32(0.0)), np.float32(columns - 1))
+            y = min(max(dy / cell_y + np.float32(r), np.float32(0.0)), np.float32(rows - 1))
+            left, top = int(x), int(y)
+            right, bottom = min(left + 1, columns - 1), min(top + 1, rows - 1)
+            u, v = x - np.float32(left), y - np.float32(top)
+            error, length = np.float32(0.0), dx * dx + dy * dy
+            for axis in range(2):
+                above = back[top, left, axis] + u * (back[top, right, axis] - back[top, left, axis])
+                below = back[bottom, left, axis] + u * (back[bottom, right, axis] - back[bottom, left, axis])
+                returned = above + v * (below - above)
+                miss = there[r, c, axis] + returned
+                error += miss * miss
+                length += returned * returned
+            if error <= limit_squared + np.float32(RETURN_SHARE) * length:
+                checked[r, c, 0], checked[r, c, 1] = dx, dy
+    return checked
+
+
+@numba.njit(cache=True, nogil=True)
+def _total(shift, back, scale, width, height):  # type: ignore[no-untyped-def]
+    """(rows, columns, 2) full-resolution displacement: ``shift`` (working pixels, stabilised pair) and the ego-motion.
+
+    back: (3, 3) float32 current pixel -> earlier pixel; NaN where the earlier one is not on the image.
+    """
+    rows, columns = shift.shape[:2]
+    flow = np.full(shift.shape, np.nan, np.float32)
+    for r in range(rows):
+        y = np.float32((r + 0.5) * (height / rows) - 0.5)
+        for c in range(columns):
+            x = np.float32((c + 0.5) * (width / columns) - 0.5)
+            px, py = x + shift[r, c, 0] / scale, y + shift[r, c, 1] / scale
+            depth = back[2, 0] * px + back[2, 1] * py + back[2, 2]
+            from_x = (back[0, 0] * px + back[0, 1] * py + back[0, 2]) / depth
+            from_y = (back[1, 0] * px + back[1, 1] * py + back[1, 2]) / depth
+            if 0.0 <= from_x <= width - 1 and 0.0 <= from_y <= height - 1:
+                flow[r, c, 0], flow[r, c, 1] = x - from_x, y - from_y
+    return flow

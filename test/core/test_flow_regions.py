@@ -156,6 +156,7 @@ def test_warm_start_hands_on_the_last_flow(monkeypatch: pytest.MonkeyPatch) -> N
         return np.full((HEIGHT, WIDTH, 2), 2.0 if len(given) % 2 else -2.0, np.float32)
 
     monkeypatch.setattr(optical_flow, 'make_flow', lambda config: flow)
+    monkeypatch.setattr(cv2, 'getNumThreads', lambda: 1)  # one way after the other
     run(OpticalFlowConfig(), 3)
     assert given == [None] * 4
     given.clear()

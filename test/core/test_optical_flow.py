@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import cv2
 import numpy as np
 import pytest
 
 from motion_detect_ros.core import flow_backends
-from motion_detect_ros.core.config import FLOW_METHODS, OpticalFlowConfig
+from motion_detect_ros.core.config import FLOW_METHODS, OpticalFlowConfig, PipelineConfig
 from motion_detect_ros.core.errors import BackendError, ConfigError
 from motion_detect_ros.core.flow_backends import BUILT_IN, make_flow
 from motion_detect_ros.core.flow_contrib import CONTRIB
-from motion_detect_ros.core.optical_flow import both_ways
+from motion_detect_ros.core.optical_flow import OpticalFlowStage, SecondThread, both_ways
+from motion_detect_ros.core.types import EgoMotion, EgoStatus, PreparedFrame
 
 HEIGHT, WIDTH = 160, 240
 SHIFT, ZOOM = (3.4, -2.2), 0.01
@@ -81,6 +84,90 @@ def test_both_ways_drops_what_does_not_return(wrong_value: float) -> None:
     assert np.isnan(found[10:15, 13:18]).all()
     found[9:15, 12:18] = 8.0, 0.0  # interpolation with an unknown neighbour is unknown
     np.testing.assert_array_equal(found, np.full((20, 30, 2), (8.0, 0.0)))
+
+
+def bilinear(field: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """(n, 2) ``field`` between its cells, the border's values beyond it."""
+    x, y = np.clip(x, 0, field.shape[1] - 1), np.clip(y, 0, field.shape[0] - 1)
+    left, top = np.minimum(x.astype(int), field.shape[1] - 2), np.minimum(y.astype(int), field.shape[0] - 2)
+    u, v = (x - left)[..., None], (y - top)[..., None]
+    above = (1 - u) * field[top, left] + u * field[top, left + 1]
+    return (1 - v) * above + v * ((1 - u) * field[top + 1, left] + u * field[top + 1, left + 1])
+
+
+def test_both_ways_is_the_check_of_the_paper() -> None:
+    random, (rows, columns) = np.random.default_rng(3), (40, 60)
+    there = random.normal(0.0, 12.0, (rows, columns, 2)).astype(np.float32)
+    back = -cv2.blur(there, (5, 5))
+    there[5, 7], back[20, 30] = np.nan, np.nan
+    size = (columns * 4, rows * 4)
+    dense = [cv2.resize(each, size, interpolation=cv2.INTER_NEAREST) for each in (there, back)]
+    current, earlier = np.zeros(size[::-1], np.uint8), np.ones(size[::-1], np.uint8)
+
+    def flow(one: np.ndarray, other: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
+        return dense[int(one is earlier)]
+
+    found = both_ways(flow, current, earlier, rows, columns, 6.0)
+    x, y = np.meshgrid(np.arange(columns), np.arange(rows))
+    target = np.nan_to_num(there.astype(float)) / 4.0
+    returned = bilinear(back.astype(float), x + target[..., 0], y + target[..., 1])
+    miss = ((there + returned) ** 2).sum(axis=2)
+    length = (there.astype(float) ** 2).sum(axis=2) + (returned ** 2).sum(axis=2)
+    excess = miss - (36.0 + 0.01 * length)
+    clear = ~(np.abs(excess) < 1e-3)  # rounding decides the others
+    kept = np.isfinite(found[..., 0])
+    assert 100 < kept.sum() < rows * columns - 100 and clear.mean() > 0.99
+    np.testing.assert_array_equal(kept[clear], (excess < 0.0)[clear])
+    np.testing.assert_array_equal(found[kept], there[kept])
+
+
+@pytest.mark.parametrize('method', list(BUILT_IN))
+def test_both_ways_is_the_same_in_two_threads(method: str) -> None:
+    current, earlier, _ = pair()
+    config = OpticalFlowConfig(method=method)
+    guess = np.full((HEIGHT // 4, WIDTH // 4, 2), SHIFT, np.float32)
+    with ThreadPoolExecutor(1) as pool:
+        second, one, two = SecondThread(make_flow(config), pool), make_flow(config), make_flow(config)
+        for start in (None, guess, None):
+            expected = both_ways(one, current, earlier, HEIGHT // 4, WIDTH // 4, 0.7, start)
+            found = both_ways(two, current, earlier, HEIGHT // 4, WIDTH // 4, 0.7, start, second=second)
+            np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize('threads', [1, 2])
+def test_total_flow_is_the_cameras_where_nothing_moves_by_itself(threads: int) -> None:
+    before, turn = cv2.getNumThreads(), np.radians(2.0)
+    matrix = np.array([[np.cos(turn), -np.sin(turn), 9.0], [np.sin(turn), np.cos(turn), -6.0], [0.0, 0.0, 1.0]])
+    x, y = np.meshgrid(np.arange(WIDTH, dtype=float), np.arange(HEIGHT, dtype=float))
+    back = np.linalg.inv(matrix)
+    from_x, from_y = back[0, 0] * x + back[0, 1] * y + back[0, 2], back[1, 0] * x + back[1, 1] * y + back[1, 2]
+    stage = OpticalFlowStage(PipelineConfig())
+    try:
+        cv2.setNumThreads(threads)
+        for number, gray in enumerate((picture(x, y), picture(from_x, from_y))):
+            frame = PreparedFrame(gray, 0.5, 2 * WIDTH, 2 * HEIGHT, number * 10 ** 9)
+            status = EgoStatus.OK if number else EgoStatus.FIRST_FRAME
+            full = matrix.copy()
+            full[:2, 2] = 2 * matrix[:2, 2] + 0.5 - matrix[:2, :2] @ [0.5, 0.5]  # X = 2 x + 0.5
+            ego = EgoMotion(full, np.eye(6), status, number * 10 ** 9, max(0, number - 1) * 10 ** 9)
+            flow = stage.process(frame, ego).flow
+    finally:
+        cv2.setNumThreads(before)
+    exact = 2.0 * np.stack([x - from_x, y - from_y], axis=-1)
+    exact = cv2.resize(exact, flow.shape[1::-1], interpolation=cv2.INTER_AREA)
+    known = np.isfinite(flow[..., 0])
+    outside = cv2.resize((from_x < -1.0).astype(np.float32), flow.shape[1::-1], interpolation=cv2.INTER_AREA) == 1.0
+    assert outside.any() and not known[outside].any()
+    assert known[5:-5, 5:-5].mean() > 0.95
+    assert np.median(np.hypot(*(flow - exact)[known].T)) < 0.1
+
+
+def test_dis_forgets_a_first_guess() -> None:
+    current, earlier, _ = pair()
+    dis = make_flow(OpticalFlowConfig())
+    cold = dis(current, earlier)
+    dis(current, earlier, np.full((HEIGHT, WIDTH, 2), SHIFT, np.float32))
+    np.testing.assert_array_equal(dis(current, earlier), cold)
 
 
 def test_dis_is_opencvs_with_the_three_settings() -> None:
