@@ -11,7 +11,15 @@ from std_msgs.msg import Header
 
 from motion_detect_ros.bridge.images import bytes_of, stamp_ns
 from motion_detect_ros.core.errors import MessageError
-from motion_detect_ros.core.types import DETECTION_DTYPE, NANOSECONDS, EgoMotion, EgoStatus, MotionModel, RecordArray
+from motion_detect_ros.core.types import (
+    DETECTION_DTYPE,
+    NANOSECONDS,
+    CameraMotionInSpace,
+    EgoMotion,
+    EgoStatus,
+    MotionModel,
+    RecordArray,
+)
 
 #: Row and column of the upper triangle of a 6 x 6 matrix, in row order: c00 .. c20.
 UPPER = np.triu_indices(6)
@@ -22,7 +30,9 @@ EGO_FIELDS = [
     ('dt', '<f8'), ('inliers', '<u4'), ('tracks', '<u4'), ('residual', '<f4'), ('model', 'u1'), ('status', 'u1'),
     ('prev_sec', '<u4'), ('prev_nanosec', '<u4')]
 #: What came later; records without them are read too, as NaN or 0.
-EGO_LATER_FIELDS: list[tuple[str, str]] = []
+EGO_LATER_FIELDS = [
+    *((f'r{r}{c}', '<f8') for r in range(3) for c in range(3)), ('t0', '<f8'), ('t1', '<f8'), ('t2', '<f8'),
+    ('e0', '<f8'), ('e1', '<f8'), ('g0', '<f8'), ('g1', '<f8'), ('g2', '<f8')]
 EGO_DTYPE = np.dtype(EGO_FIELDS + EGO_LATER_FIELDS)
 
 _DATATYPES = {
@@ -131,7 +141,25 @@ def ego_to_msg(ego: EgoMotion, header: Header) -> PointCloud2:
     record['inliers'], record['tracks'] = ego.inliers, ego.tracks
     record['model'], record['status'] = int(ego.model), int(ego.status)
     record['prev_sec'], record['prev_nanosec'] = divmod(ego.prev_stamp_ns, NANOSECONDS)
+    for (name, _), value in zip(EGO_LATER_FIELDS, _camera_values(ego.camera), strict=True):
+        record[name] = value
     return records_to_msg(record, header)
+
+
+def _camera_values(camera: CameraMotionInSpace | None) -> npt.NDArray[np.float64]:
+    """(17,) rotation by rows, translation, epipole, ground; NaN where unknown."""
+    if camera is None:
+        return np.full(len(EGO_LATER_FIELDS), np.nan)
+    ground = np.full(3, np.nan) if camera.ground is None else camera.ground
+    return np.concatenate([camera.rotation.ravel(), camera.direction, camera.epipole, ground])
+
+
+def _camera_from(record: np.void) -> CameraMotionInSpace | None:
+    values = np.array([record[name] for name, _ in EGO_LATER_FIELDS])
+    rotation, direction, epipole, ground = values[:9].reshape(3, 3), values[9:12], values[12:14], values[14:]
+    if not np.isfinite(values[:12]).all():
+        return None
+    return CameraMotionInSpace(rotation, direction, epipole, ground if np.isfinite(ground).all() else None)
 
 
 def ego_from_msg(msg: PointCloud2) -> EgoMotion:
@@ -150,4 +178,4 @@ def ego_from_msg(msg: PointCloud2) -> EgoMotion:
     except ValueError as error:
         raise MessageError(f'ego_motion: {error}') from None
     return EgoMotion(matrix, covariance, status, stamp_ns(msg.header), previous, int(record['inliers']),
-                     int(record['tracks']), float(record['residual']), model)
+                     int(record['tracks']), float(record['residual']), model, _camera_from(record))

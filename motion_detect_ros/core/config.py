@@ -74,6 +74,13 @@ class EgoMotionConfig:
         40, 'autoregressive: over how long its weights are learnt', low=5, high=1000, unit='frames')
     max_gap_s: float = setting(
         1.0, 'a longer gap between frames starts everything anew', low=0.01, high=60.0, unit='s')
+    camera_motion: bool = setting(
+        False, 'rotation, direction of travel, epipole and ground plane from the tracks; needs calibration or takes '
+        'background.focal_share; methods indirect and flow')
+
+    def __post_init__(self) -> None:
+        if self.camera_motion and self.method == 'direct':
+            raise ConfigError('ego_motion.camera_motion: expected ego_motion.method indirect or flow, got direct')
 
 
 @dataclass(frozen=True)

@@ -62,8 +62,10 @@ class FlowMethod:
             return Measured(None, EgoStatus.LOW_TEXTURE, count)
         if count < max(MIN_TRACKS, MIN_RETURNED * asked.sum()):
             return Measured(None, EgoStatus.DEGENERATE, count)
-        fit = self._fit(points[use], (here + shift / np.float32(frame.scale))[use], centre_of(frame))
-        return Measured(fit, EgoStatus.DEGENERATE if fit is None else EgoStatus.OK, count)
+        moved = here + shift / np.float32(frame.scale)
+        fit = self._fit(points[use], moved[use], centre_of(frame))
+        status = EgoStatus.DEGENERATE if fit is None else EgoStatus.OK
+        return Measured(fit, status, count, points[use], moved[use])
 
     def _fit(self, points: FloatArray, moved: FloatArray, centre: DoubleArray) -> MotionFit | None:
         fit = fit_motion(self._family, points, moved, self._config.ransac_threshold_px, centre)

@@ -40,11 +40,11 @@ class IndirectMethod:
             return Measured(None, EgoStatus.LOW_TEXTURE, len(earlier))
         fit = self._fit(earlier, later, frame)
         if fit is None:
-            return Measured(None, EgoStatus.DEGENERATE, len(earlier))
+            return Measured(None, EgoStatus.DEGENERATE, len(earlier), earlier, later)
         matrix = theta_matrix(fit.theta, centre_of(frame))
         if np.abs(matrix[:2, :2] - np.eye(2)).max() > DEFORMED:
             fit = self._refined(matrix, points, previous, frame) or fit
-        return Measured(fit, EgoStatus.OK, len(earlier))
+        return Measured(fit, EgoStatus.OK, len(earlier), earlier, later)
 
     def _fit(self, points: FloatArray, moved: FloatArray, frame: PreparedFrame) -> MotionFit | None:
         centre = centre_of(frame)

@@ -9,7 +9,7 @@ import numpy as np
 
 from motion_detect_ros.core.motion_models import theta_matrix
 from motion_detect_ros.core.robust_fit import MotionFit
-from motion_detect_ros.core.types import DoubleArray, EgoStatus, PreparedFrame
+from motion_detect_ros.core.types import DoubleArray, EgoStatus, FloatArray, PreparedFrame
 
 #: Measurements (corners, cells) that are needed, and that must agree, before an estimate is believed.
 MIN_TRACKS = 12
@@ -22,11 +22,17 @@ MAX_SIGMA_PX = 5.0
 
 @dataclass(frozen=True)
 class Measured:
-    """``fit``: full-resolution pixels, None with a ``status`` that says why; ``tracks``: measurements it rests on."""
+    """``fit``: full-resolution pixels, None with a ``status`` that says why; ``tracks``: measurements it rests on.
+
+    ``earlier``, ``current``: (N, 2) where they are in the two frames, outliers included, full-resolution pixels; None
+    where the method compares no points.
+    """
 
     fit: MotionFit | None
     status: EgoStatus
     tracks: int
+    earlier: FloatArray | None = None
+    current: FloatArray | None = None
 
 
 class EgoMethod(Protocol):

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 
 from motion_detect_ros.core.affine import to_centre
+from motion_detect_ros.core.camera_motion import CameraMotionEstimator
 from motion_detect_ros.core.config import PipelineConfig
-from motion_detect_ros.core.ego_measured import centre_of
+from motion_detect_ros.core.ego_measured import Measured, centre_of
 from motion_detect_ros.core.ego_methods import make_method
-from motion_detect_ros.core.gyro_prior import GyroPrior
+from motion_detect_ros.core.gyro_prior import GyroPrior, Prior
 from motion_detect_ros.core.motion_models import theta_matrix
 from motion_detect_ros.core.robust_fit import MotionFit
 from motion_detect_ros.core.smoothing import make_smoother
 from motion_detect_ros.core.types import (
     NANOSECONDS,
     CameraModel,
+    CameraMotionInSpace,
     DoubleArray,
     EgoMotion,
     EgoStatus,
@@ -33,13 +37,15 @@ class EgoMotionStage:
         self._method = make_method(self._config)
         self._filter = make_smoother(self._config)
         self._gyro = GyroPrior(config.imu)
+        self._in_space = CameraMotionEstimator(config.background.focal_share)
         self._previous: PreparedFrame | None = None
         cv2.setRNGSeed(0)
 
     def reset(self) -> None:
-        """Forget the previous frame, the filter's state and the angular rates."""
+        """Forget the previous frame, the filter's state, the camera's motion and the angular rates."""
         self._previous = None
         self._filter.reset()
+        self._in_space.reset()
         self._gyro.reset()
 
     def add_gyro(self, stamp_ns: int, rate: DoubleArray) -> None:
@@ -55,9 +61,16 @@ class EgoMotionStage:
         status = self._continuity(previous, frame)
         if previous is None or status != EgoStatus.OK:
             self._filter.reset()
+            self._in_space.reset()
             return no_estimate(status, frame.stamp_ns, frame.stamp_ns)
         prior = self._gyro.between(previous, frame, self.camera)
         measured = self._method.measure(previous, frame, None if prior is None else prior.matrix)
+        ego = self._planar(measured, prior, previous, frame)
+        return replace(ego, camera=self._camera_motion(measured, frame)) if self._config.camera_motion else ego
+
+    def _planar(
+        self, measured: Measured, prior: Prior | None, previous: PreparedFrame, frame: PreparedFrame,
+    ) -> EgoMotion:
         if measured.fit is None:
             self._filter.reset()
             if prior is not None:
@@ -72,6 +85,12 @@ class EgoMotionStage:
             return EgoStatus.SIZE_CHANGE
         dt_s = (frame.stamp_ns - previous.stamp_ns) / NANOSECONDS
         return EgoStatus.OK if 0.0 < dt_s <= self._config.max_gap_s else EgoStatus.TIME_JUMP
+
+    def _camera_motion(self, measured: Measured, frame: PreparedFrame) -> CameraMotionInSpace | None:
+        if measured.earlier is None or measured.current is None:
+            self._in_space.reset()
+            return None
+        return self._in_space.estimate(measured.earlier, measured.current, frame.width, frame.height, self.camera)
 
     def _smoothed(self, fit: MotionFit, tracks: int, previous: PreparedFrame, frame: PreparedFrame) -> EgoMotion:
         """The affine part as the filter sees it; what of the warp is perspective stays as measured."""

@@ -53,8 +53,8 @@ def fit_static_scene(
         return None
     lines = epipolar_lines(earlier, motion)
     s = lines.position(now)
-    ground = _ground(earlier, lines.inverse_depth(s), np.hypot(*np.moveaxis(lines.towards, -1, 0)) * camera.fx,
-                     known & (now[..., 1] > 0.0))
+    ground = ground_below(earlier, lines.inverse_depth(s), np.hypot(*np.moveaxis(lines.towards, -1, 0)) * camera.fx,
+                          known & (now[..., 1] > 0.0))
     least = ground.least_inverse_depth(earlier) if ground else np.zeros_like(s)
     own = (now - lines.at(np.maximum(s, lines.from_inverse_depth(least)))) * [camera.fx, camera.fy]
     sigma = max(config.noise_floor_px, rayleigh_sigma(np.hypot(own[..., 0], own[..., 1])[known]))
@@ -64,11 +64,16 @@ def fit_static_scene(
     return StaticScene(background, motion, ground)
 
 
-def _ground(
+def ground_below(
     earlier: DoubleArray, inverse_depth: DoubleArray, reach_px: DoubleArray, below: BoolArray,
+    noise_px: float = DEPTH_NOISE_PX,
 ) -> GroundPlane | None:
-    """reach_px: (gh, gw) pixels that a cell moves for one unit of s."""
+    """The ground under the points marked ``below``.
+
+    earlier: (..., 2) normalised; inverse_depth: (...,); reach_px: (...,) pixels that a point moves for one unit of s;
+    noise_px: of the points' motion, one deviation.
+    """
     use = below & (inverse_depth > 0.0)
     inverse = inverse_depth[use]
-    sigma = DEPTH_NOISE_PX / np.maximum(reach_px[use], 1e-3) + DEPTH_NOISE_SHARE * inverse + 1e-4
+    sigma = noise_px / np.maximum(reach_px[use], 1e-3) + DEPTH_NOISE_SHARE * inverse + 1e-4
     return fit_ground(earlier[use], inverse, sigma)

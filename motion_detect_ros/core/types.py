@@ -99,12 +99,32 @@ class PreparedFrame:
 
 
 @dataclass(frozen=True)
+class CameraMotionInSpace:
+    """How the camera moved between two frames, static points X in camera coordinates: X_now = R X_previous + t.
+
+    The length of t cannot be seen in pictures: it is the unit of length here.
+
+    ``rotation``: (3, 3) R; ``direction``: (3,) t, unit vector, the camera travels along -t (current camera's axes);
+    ``epipole``: (2,) full-resolution pixels of the current frame, where static points flow out of (or into); not finite
+    where the camera travels parallel to the picture; ``ground``: (3,) g with g . X_now = 1 on the ground, so g / |g| is
+    its normal, away from the camera, 1 / |g| the camera's height over it, and g . (x, y, 1) the inverse depth of the
+    ground at normalised (x, y); None where no ground shows.
+    """
+
+    rotation: DoubleArray
+    direction: DoubleArray
+    epipole: DoubleArray
+    ground: DoubleArray | None = None
+
+
+@dataclass(frozen=True)
 class EgoMotion:
     """Motion of the background between two frames.
 
     ``matrix``: (3, 3) float64, maps previous pixel -> current pixel (full resolution).
     ``covariance``: (6, 6) float64 of the affine parameters (a0 .. a5), see ``core.kalman``.
-    ``residual_px``: median distance of the inliers to the model.
+    ``residual_px``: median distance of the inliers to the model. ``camera``: None = not asked for or not determined;
+    it does not depend on ``status``, which tells of ``matrix``.
     """
 
     matrix: DoubleArray
@@ -116,6 +136,7 @@ class EgoMotion:
     tracks: int = 0
     residual_px: float = float('nan')
     model: MotionModel = MotionModel.AFFINE
+    camera: CameraMotionInSpace | None = None
 
     @property
     def dt_s(self) -> float:

@@ -19,7 +19,14 @@ from motion_detect_ros.bridge.records import (
     records_to_msg,
 )
 from motion_detect_ros.core.errors import MessageError
-from motion_detect_ros.core.types import DETECTION_DTYPE, EgoMotion, EgoStatus, MotionModel, empty_detections
+from motion_detect_ros.core.types import (
+    DETECTION_DTYPE,
+    CameraMotionInSpace,
+    EgoMotion,
+    EgoStatus,
+    MotionModel,
+    empty_detections,
+)
 
 HEADER = Header(stamp=Time(sec=5, nanosec=6), frame_id='eye')
 F4, U4, F8, U1 = PointField.FLOAT32, PointField.UINT32, PointField.FLOAT64, PointField.UINT8
@@ -48,7 +55,8 @@ def test_detection_fields_are_the_published_ones():
 def test_ego_fields_are_the_published_ones():
     published = ([(f'm{r}{c}', F8) for r in range(3) for c in range(3)] + [(f'c{i:02d}', F8) for i in range(21)] + [
         ('dt', F8), ('inliers', U4), ('tracks', U4), ('residual', F4), ('model', U1), ('status', U1),
-        ('prev_sec', U4), ('prev_nanosec', U4)])
+        ('prev_sec', U4), ('prev_nanosec', U4)] + [(f'r{r}{c}', F8) for r in range(3) for c in range(3)] + [
+        (name, F8) for name in ('t0', 't1', 't2', 'e0', 'e1', 'g0', 'g1', 'g2')])
     ego = EgoMotion(np.eye(3), np.eye(6), EgoStatus.OK, 2, 1)
     assert [(field.name, field.datatype) for field in ego_to_msg(ego, HEADER).fields] == published
 
@@ -99,6 +107,7 @@ def test_the_first_ego_motion_records_are_still_read():
     got = ego_from_msg(msg)
     np.testing.assert_array_equal(got.matrix, sent.matrix)
     assert (got.status, got.prev_stamp_ns, got.inliers, got.residual_px) == (EgoStatus.OK, 4_000_000_000, 3, 0.5)
+    assert got.camera is None
 
 
 def test_missing_fields_and_bytes_are_named():
@@ -161,6 +170,29 @@ def test_ego_motion_survives_the_wire():
     assert (got.status, got.stamp_ns, got.prev_stamp_ns, got.inliers, got.tracks, got.residual_px, got.model) == (
         sent.status, sent.stamp_ns, sent.prev_stamp_ns, 300, 400, 0.125, MotionModel.AFFINE)
     assert got.dt_s == pytest.approx(0.001000006)
+
+
+@pytest.mark.parametrize('ground', [None, np.array([0.01, 0.6, -0.02])])
+@pytest.mark.parametrize('epipole', [np.array([320.5, 180.25]), np.array([np.inf, np.nan])])
+def test_camera_motion_survives_the_wire(epipole, ground):
+    rotation = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    camera = CameraMotionInSpace(rotation, np.array([0.6, 0.0, -0.8]), epipole, ground)
+    msg = ego_to_msg(EgoMotion(np.eye(3), np.eye(6), EgoStatus.OK, 2, 1, camera=camera), HEADER)
+    got = ego_from_msg(deserialize_message(serialize_message(msg), PointCloud2)).camera
+    for name in ('rotation', 'direction', 'epipole'):
+        np.testing.assert_array_equal(getattr(got, name), getattr(camera, name))
+    assert got.ground is None if ground is None else got.ground.tolist() == ground.tolist()
+    # As another program reads it, by name.
+    record, = records_from_msg(msg, np.dtype([(name, '<f8') for name in ('r01', 'r10', 't2', 'e0', 'g1')]))
+    assert record.tolist()[:4] == (-1.0, 1.0, -0.8, epipole[0])
+    assert np.isnan(record['g1']) if ground is None else record['g1'] == 0.6
+
+
+def test_unknown_camera_motion_is_nan_on_the_wire():
+    msg = ego_to_msg(EgoMotion(np.eye(3), np.eye(6), EgoStatus.OK, 2, 1), HEADER)
+    record, = records_from_msg(msg, np.dtype([(name, '<f8') for name in ('r00', 't0', 'e0', 'g2')]))
+    assert np.isnan(record.tolist()).all()
+    assert ego_from_msg(msg).camera is None
 
 
 @pytest.mark.parametrize(('status', 'count', 'words'), [(77, 1, '77'), (0, 2, 'expected one record, got 2')])

@@ -1,0 +1,178 @@
+"""The camera's motion in space, from the tracks of one pair of frames: rotation, direction, epipole and ground.
+
+A turn alone moves points whatever their depth; the direction of travel shows only in what a turn leaves over, the
+parallax. Where that is not clearly more than the tracks' noise there is no answer.
+
+Plane: seen from a drone the ground often is the whole picture. A narrow view of it under sideways travel looks like a
+turn. With more perspective two motions explain every track equally well, the plane's normal and the direction of travel
+swapped (Longuet-Higgins 1986); they are weighed against each other on all tracks, and only where things off the plane
+(a tenth of the tracks and more) decide between them there is an answer. So flat ground alone gives none.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from motion_detect_ros.core.epipolar import (
+    INLIER_PX,
+    MIN_SAMPLES,
+    CameraMotion,
+    epipolar_lines,
+    estimate_motion,
+    normalised,
+    refine_motion,
+)
+from motion_detect_ros.core.static_scene import ground_below, guessed_camera
+from motion_detect_ros.core.types import CameraModel, CameraMotionInSpace, DoubleArray, FloatArray
+
+#: Share of the tracks that must lie on their epipolar lines: else there is no common motion.
+MIN_INLIER_SHARE = 0.5
+#: Length from which what a turn leaves of a track is parallax, deviations of its noise; smallest deviation, pixels.
+PARALLAX_SIGMAS, MIN_SIGMA_PX = 4.0, 0.1
+#: Share of the tracks that must show parallax; one or two movers before a camera that only turns stay below it.
+MIN_PARALLAX_SHARE = 0.3
+#: Distance from the epipolar line from which a track is off by more makes no motion worse, pixels.
+CLEARLY_OFF_PX = 0.5
+#: Up to this multiple of the best mean distance, and this much more in pixels, a motion fits as well as the best ...
+RIVAL_SHARE, RIVAL_PX = 1.1, 0.005
+#: ... and goes elsewhere where the cosine between the directions is under this (10 degrees).
+SAME_DIRECTION = 0.985
+#: Tukey's constant and re-weighting rounds of the turn alone.
+TUKEY_C, ROUNDS = 4.685, 8
+#: Gaussian consistency factor of the median absolute deviation.
+MAD_TO_SIGMA = 1.4826
+
+
+class CameraMotionEstimator:
+    """Remembers the motion of the last frame: it is where the next search starts."""
+
+    def __init__(self, focal_share: float) -> None:
+        """focal_share: focal length where no calibration is known, share of the image width."""
+        self._focal_share = focal_share
+        self._last: CameraMotion | None = None
+
+    def reset(self) -> None:
+        """Forget the last frame's motion."""
+        self._last = None
+
+    def estimate(
+        self, earlier: FloatArray, current: FloatArray, width: int, height: int, camera: CameraModel | None,
+    ) -> CameraMotionInSpace | None:
+        """None where the tracks do not determine the motion: too few, no common motion, too little parallax.
+
+        earlier, current: (N, 2) full-resolution pixels of a ``width`` x ``height`` image; camera: None = uncalibrated.
+        """
+        camera = guessed_camera(width, height, self._focal_share) if camera is None else camera.resized(width, height)
+        q, p = normalised(earlier, camera), normalised(current, camera)
+        last, self._last = self._last, None
+        if len(q) < MIN_SAMPLES:
+            return None
+        turn = turn_alone(q, p)
+        left = np.hypot(*_left_by(turn, q, p).T)
+        if not _shows_parallax(left, MIN_SIGMA_PX / camera.fx):
+            return None
+        motion = _only_motion(q, p, turn, camera.fx, last)
+        if motion is None or motion.inlier_share < MIN_INLIER_SHARE:
+            return None
+        sigma = max(MIN_SIGMA_PX / camera.fx, MAD_TO_SIGMA * float(np.median(line_distance(q, p, motion))))
+        if not _shows_parallax(left, sigma):
+            return None
+        self._last = motion
+        return _in_space(q, p, motion, sigma, camera)
+
+
+def _shows_parallax(left: DoubleArray, sigma: float) -> bool:
+    """left: (N,) what the turn leaves of each track; sigma: its noise, one deviation."""
+    return float((left > PARALLAX_SIGMAS * sigma).mean()) >= MIN_PARALLAX_SHARE
+
+
+def _only_motion(
+    q: DoubleArray, p: DoubleArray, turn: DoubleArray, focal_px: float, last: CameraMotion | None,
+) -> CameraMotion | None:
+    """The motion that fits best; None where one that goes elsewhere fits as well.
+
+    Where the camera travels slowly, RANSAC's inliers are nearly all tracks under many a motion: travel along each axis
+    is tried too, and what a plane would mean.
+    """
+    found = estimate_motion(q, p, focal_px, last)
+    if found is None:
+        return None
+    starts = [CameraMotion(turn, axis, 0.0) for axis in np.eye(3)] + _through_a_plane(q, p, focal_px)
+    motions = [found, *(refine_motion(q, p, start, focal_px) for start in starts)]
+    costs = [focal_px * float(np.minimum(line_distance(q, p, motion), CLEARLY_OFF_PX / focal_px).mean())
+             for motion in motions]
+    best = motions[int(np.argmin(costs))]
+    as_good = RIVAL_SHARE * min(costs) + RIVAL_PX
+    if any(cost < as_good and abs(motion.direction @ best.direction) < SAME_DIRECTION
+           for motion, cost in zip(motions, costs, strict=True)):
+        return None
+    return best
+
+
+def _through_a_plane(q: DoubleArray, p: DoubleArray, focal_px: float) -> list[CameraMotion]:
+    """The motions, two at most, under which the dominant plane of the tracks moves as it does (Malis, Vargas 2007)."""
+    homography, _ = cv2.findHomography(q, p, cv2.RANSAC, INLIER_PX / focal_px)
+    if homography is None:
+        return []
+    _, rotations, translations, normals = cv2.decomposeHomographyMat(homography, np.eye(3))
+    return [CameraMotion(rotation, translation.ravel() / np.linalg.norm(translation), 0.0)
+            for rotation, translation, normal in zip(rotations, translations, normals, strict=True)
+            if normal[2] > 0.0 and np.linalg.norm(translation) > 0.0]
+
+
+def line_distance(q: DoubleArray, p: DoubleArray, motion: CameraMotion) -> DoubleArray:
+    """(N,) distance of each track's end ``p`` from the epipolar line of its start ``q``, normalised."""
+    lines = epipolar_lines(q, motion)
+    away, along = p - lines.far, lines.towards
+    across: DoubleArray = np.abs(away[:, 0] * along[:, 1] - away[:, 1] * along[:, 0])
+    return across / np.maximum(np.hypot(*along.T), 1e-9)
+
+
+def turn_alone(q: DoubleArray, p: DoubleArray) -> DoubleArray:
+    """(3, 3) the rotation that takes ``q`` to ``p``, (N, 2) normalised, as if everything were infinitely far.
+
+    Wahba's problem by singular values (Kabsch 1976), re-weighted with Tukey's biweight.
+    """
+    rays, seen = _unit_rays(q), _unit_rays(p)
+    weight = np.ones(len(q))
+    rotation = np.eye(3)
+    for _ in range(ROUNDS):
+        u, _, vt = np.linalg.svd((seen * weight[:, None]).T @ rays)
+        rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+        error = np.hypot(*_left_by(rotation, q, p).T)
+        weight = np.clip(1.0 - (error / (TUKEY_C * max(float(np.median(error)), 1e-9))) ** 2, 0.0, None) ** 2
+    return rotation
+
+
+def _unit_rays(points: DoubleArray) -> DoubleArray:
+    rays = np.column_stack([points, np.ones(len(points))])
+    unit: DoubleArray = rays / np.linalg.norm(rays, axis=1)[:, None]
+    return unit
+
+
+def _left_by(rotation: DoubleArray, q: DoubleArray, p: DoubleArray) -> DoubleArray:
+    """(N, 2) what a rotation leaves of the tracks, normalised."""
+    turned = q @ rotation[:, :2].T + rotation[:, 2]
+    left: DoubleArray = p - turned[:, :2] / turned[:, 2:]
+    return left
+
+
+def _in_space(
+    q: DoubleArray, p: DoubleArray, motion: CameraMotion, sigma: float, camera: CameraModel,
+) -> CameraMotionInSpace:
+    lines = epipolar_lines(q, motion)
+    reach_px = np.hypot(*lines.towards.T) * camera.fx
+    ground = ground_below(q, lines.inverse_depth(lines.position(p)), reach_px, p[:, 1] > 0.0, sigma * camera.fx)
+    t = motion.direction
+    with np.errstate(divide='ignore', invalid='ignore'):
+        epipole = t[:2] / t[2] * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+    plane = None if ground is None else plane_seen_now(ground.coefficients, motion)
+    return CameraMotionInSpace(motion.rotation, t, epipole, plane)
+
+
+def plane_seen_now(plane: DoubleArray, motion: CameraMotion) -> DoubleArray:
+    """(3,) the plane g . X = 1 of the earlier camera in coordinates of the current one, X_now = R X + t."""
+    turned = motion.rotation @ plane
+    now: DoubleArray = turned / (1.0 + turned @ motion.direction)
+    return now
