@@ -72,6 +72,9 @@ class EgoMotionConfig:
         4, 'autoregressive: measurements that the next one is predicted from', low=1, high=12, unit='frames')
     ar_memory_frames: int = setting(
         40, 'autoregressive: over how long its weights are learnt', low=5, high=1000, unit='frames')
+    static_px: float = setting(
+        0.0, 'the camera stands still, and nothing more is measured, where no corner of the picture can have moved so '
+        'far from one frame to the next, 0 = not looked for', low=0.0, high=0.05, unit='px')
     max_gap_s: float = setting(
         1.0, 'a longer gap between frames starts everything anew', low=0.01, high=60.0, unit='s')
     camera_motion: bool = setting(
