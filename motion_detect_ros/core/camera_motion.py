@@ -72,7 +72,7 @@ class CameraMotionEstimator:
         left = np.hypot(*_left_by(turn, q, p).T)
         if not _shows_parallax(left, MIN_SIGMA_PX / camera.fx):
             return None
-        motion = _only_motion(q, p, turn, camera.fx, last)
+        motion = _only_motion(q, p, camera.fx, last)
         if motion is None or motion.inlier_share < MIN_INLIER_SHARE:
             return None
         sigma = max(MIN_SIGMA_PX / camera.fx, MAD_TO_SIGMA * float(np.median(line_distance(q, p, motion))))
@@ -88,18 +88,17 @@ def _shows_parallax(left: DoubleArray, sigma: float) -> bool:
 
 
 def _only_motion(
-    q: DoubleArray, p: DoubleArray, turn: DoubleArray, focal_px: float, last: CameraMotion | None,
+    q: DoubleArray, p: DoubleArray, focal_px: float, last: CameraMotion | None,
 ) -> CameraMotion | None:
     """The motion that fits best; None where one that goes elsewhere fits as well.
 
-    Where the camera travels slowly, RANSAC's inliers are nearly all tracks under many a motion: travel along each axis
-    is tried too, and what a plane would mean.
+    Where the camera travels slowly, RANSAC's inliers are nearly all tracks under many a motion: those that the
+    dominant plane allows are tried too.
     """
     found = estimate_motion(q, p, focal_px, last)
     if found is None:
         return None
-    starts = [CameraMotion(turn, axis, 0.0) for axis in np.eye(3)] + _through_a_plane(q, p, focal_px)
-    motions = [found, *(refine_motion(q, p, start, focal_px) for start in starts)]
+    motions = [found, *(refine_motion(q, p, start, focal_px) for start in _through_a_plane(q, p, focal_px))]
     costs = [focal_px * float(np.minimum(line_distance(q, p, motion), CLEARLY_OFF_PX / focal_px).mean())
              for motion in motions]
     best = motions[int(np.argmin(costs))]
