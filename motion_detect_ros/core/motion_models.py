@@ -117,12 +117,12 @@ def _to_normal(centre: DoubleArray) -> DoubleArray:
 
 
 def _start_translation(points: FloatArray, moved: FloatArray, threshold_px: float) -> DoubleArray | None:
-    """The displacement of one point that most others share."""
+    """The median of the displacements near that of one point that most others share."""
     shift = (moved - points).astype(np.float64)
     tried = shift[::max(1, len(shift) // TRANSLATION_TRIALS)]
-    votes = (np.linalg.norm(tried[:, None] - shift[None], axis=2) < threshold_px).sum(axis=1)
+    near = np.linalg.norm(tried[:, None] - shift[None], axis=2) < threshold_px
     matrix = np.eye(3)
-    matrix[:2, 2] = tried[int(votes.argmax())]
+    matrix[:2, 2] = np.median(shift[near[int(near.sum(axis=1).argmax())]], axis=0)
     return matrix
 
 

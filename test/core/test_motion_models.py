@@ -81,6 +81,16 @@ def test_the_fit_finds_its_own_kind_of_motion_under_outliers(name):
         np.testing.assert_allclose(by_matrix, predicted, atol=1e-3)
 
 
+def test_a_translation_starts_from_all_that_agree_not_from_one_of_them():
+    """One point of 600 is off by less than the threshold, and the first: its displacement is no start."""
+    points = scattered()
+    moved = moved_by('translation', points) + np.random.default_rng(2).normal(0, 0.02, points.shape).astype(np.float32)
+    moved[0] += 0.5
+    fit = fit_motion(model_family('translation'), points, moved, 1.0, CENTRE)
+    np.testing.assert_allclose(fit.theta[[0, 3]], SHIFT, atol=0.01)
+    assert fit.inliers[1:].mean() > 0.97 and not fit.inliers[0]
+
+
 @pytest.mark.parametrize(('smaller', 'larger'), [
     ('translation', 'similarity'), ('similarity', 'affine'), ('affine', 'homography'), ('affine', 'quadratic')])
 def test_a_smaller_family_cannot_follow_what_the_larger_one_can(smaller, larger):
