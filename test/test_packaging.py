@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 from importlib.metadata import distribution, distributions
+from itertools import chain
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -24,7 +25,7 @@ NODES = ('camera', 'ego_motion', 'optical_flow', 'art2_clustering', 'pipeline', 
 _NOT_SOURCE = shutil.ignore_patterns(
     '.venv*', '.git', '__pycache__', '.*_cache', '.hypothesis', 'build', 'install', 'log', 'out', '*.egg-info')
 #: What users know a dependency by, where it is not the name that is imported.
-_IMPORT_NAMES = {'opencv-python-headless': 'cv2', 'PyYAML': 'yaml'}
+_IMPORT_NAMES = {'opencv-python-headless': 'cv2', 'PyYAML': 'yaml', 'scikit-learn': 'sklearn'}
 
 
 def run(*command: str | Path, cwd: Path, **environment: str) -> str:
@@ -129,11 +130,12 @@ def imported_packages(*folders: str) -> set[str]:
 
 
 def pip_requirements() -> set[str]:
-    """Import names of install_requires in setup.py."""
+    """Import names of install_requires and of the extras in setup.py."""
     tree = ast.parse((REPOSITORY / 'setup.py').read_text(encoding='utf-8'))
-    lists = (word.value for call in ast.walk(tree) if isinstance(call, ast.Call)
-             for word in call.keywords if word.arg == 'install_requires')
-    names = {re.split('[<>=]', requirement)[0] for values in lists for requirement in ast.literal_eval(values)}
+    words = {word.arg: ast.literal_eval(word.value) for call in ast.walk(tree) if isinstance(call, ast.Call)
+             for word in call.keywords if word.arg in ('install_requires', 'extras_require')}
+    requirements = [*words['install_requires'], *chain.from_iterable(words['extras_require'].values())]
+    names = {re.split('[<>=]', requirement)[0] for requirement in requirements}
     return {_IMPORT_NAMES.get(name, name) for name in names}
 
 

@@ -57,7 +57,7 @@ def test_vectors_are_those_of_the_objects():
     assert len(moving) == pytest.approx(60 * 60, rel=0.05)
     x, y = moving.mean(axis=0)  # down in the image, 4 px in units of at least the noise that was added
     assert abs(x) < 0.1 and 4.0 / 0.6 < y <= 4.0 / 0.25
-    np.testing.assert_allclose(found.vectors[found.owners == 0].mean(axis=0), 0.0, atol=0.02)
+    np.testing.assert_allclose(found.vectors[found.owners == 0].mean(axis=0), 0.0, atol=0.05)
 
 
 def test_flights_have_three_directions_at_two_speeds():
