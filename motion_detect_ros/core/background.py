@@ -6,6 +6,7 @@ Prazdny 1980; Bergen et al. 1992, equation 8); an affine leaves up to several pi
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -19,6 +20,10 @@ from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 MAX_SAMPLES = 4000
 #: Re-weighting rounds; the fit is stable after four to six.
 ITERATIONS = 6
+#: Median length of a two-component error, in deviations of one component (Rayleigh's distribution): sqrt(2 ln 2).
+RAYLEIGH_MEDIAN = 1.1774
+#: Share of its trace added to the normal matrix: points on one line do not determine a surface.
+RIDGE = 1e-10
 #: Fewer valid cells than this say nothing about the background.
 MIN_CELLS = 50
 #: Cells around an object whose flow may be the object's, windows tried to fill, share of known cells a window needs.
@@ -64,39 +69,63 @@ def fit_background(residual: FloatArray, config: BackgroundConfig, magnitude: Fl
     The noise is the measured spread of the fit plus a share of the camera's flow, never under ``noise_floor_px``.
     """
     rows, columns = residual.shape[:2]
-    basis = _quadratic_basis(rows, columns)
-    valid = np.isfinite(residual[..., 0])
-    if valid.sum() < MIN_CELLS:
+    valid = np.flatnonzero(np.isfinite(residual[..., 0]))
+    if valid.size < MIN_CELLS:
         return Background(np.zeros_like(residual), np.full((rows, columns), np.inf, np.float32))
-    step = max(1, int(valid.sum()) // MAX_SAMPLES)
-    design = basis[valid][::step]
-    target = residual[valid][::step].astype(np.float64)
-    solution, sigma = _irls(design, target)
-    flow = (basis.reshape(-1, 6) @ solution).reshape(rows, columns, 2).astype(np.float32)
+    used = valid[::max(1, valid.size // MAX_SAMPLES)]
+    x, y = np.linspace(-1.0, 1.0, columns), np.linspace(-1.0, 1.0, rows)
+    across, down = x[used % columns], y[used // columns]
+    design = np.stack([np.ones_like(across), across, down, across * across, across * down, down * down])
+    solution, sigma = _irls(design, residual.reshape(-1, 2)[used].T.astype(np.float64))
     base = max(config.noise_floor_px, sigma)
-    return Background(flow, (base + config.noise_share * magnitude).astype(np.float32))
+    return Background(_surface(solution, x, y), (base + config.noise_share * magnitude).astype(np.float32))
 
 
-def _quadratic_basis(rows: int, columns: int) -> DoubleArray:
-    x, y = np.meshgrid(np.linspace(-1.0, 1.0, columns), np.linspace(-1.0, 1.0, rows))
-    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+def _surface(solution: DoubleArray, x: DoubleArray, y: DoubleArray) -> FloatArray:
+    """(len(y), len(x), 2) float32: the quadratic with coefficients (6, 2) of 1, x, y, x^2, x y, y^2."""
+    columns, rows = len(x), y.astype(np.float32)[:, None]
+    across = np.stack([np.ones_like(x), x, x * x], axis=1)
+    level = (across @ solution[[0, 1, 3]]).astype(np.float32).ravel()
+    slope = (across[:, :2] @ solution[[2, 4]]).astype(np.float32).ravel()
+    bend = np.tile(solution[5].astype(np.float32), columns)
+    flow: FloatArray = bend * rows
+    flow += slope
+    flow *= rows
+    flow += level
+    return flow.reshape(len(y), columns, 2)
 
 
 def _irls(design: DoubleArray, target: DoubleArray) -> tuple[DoubleArray, float]:
-    """Tukey-weighted least squares from the median; returns (6, 2) coefficients and sigma of one component."""
+    """Tukey-weighted least squares from the median; returns (6, 2) coefficients and sigma of one component.
+
+    design: (6, N), coordinates within -1 .. 1, so that the normal equations are safe; target: (2, N).
+    """
     solution: DoubleArray = np.zeros((6, 2))
-    solution[0] = np.median(target, axis=0)
+    solution[0] = np.median(target, axis=1)
     for _ in range(ITERATIONS):
-        error = target - design @ solution
-        distance = np.hypot(error[:, 0], error[:, 1])
-        sigma = rayleigh_sigma(distance)
-        weights = np.clip(1.0 - (distance / (TUKEY_C * max(sigma, 1e-3))) ** 2, 0.0, None) ** 2
-        weighted = design * weights[:, None]
-        solution = np.asarray(np.linalg.lstsq(weighted.T @ design, weighted.T @ target, rcond=None)[0], np.float64)
-    error = target - design @ solution
-    return solution, rayleigh_sigma(np.hypot(error[:, 0], error[:, 1]))
+        squared = _squared_error(design, target, solution)
+        sigma = max(_sigma(squared), 1e-3)
+        weights = np.maximum(1.0 - squared / (TUKEY_C * sigma) ** 2, 0.0)
+        weights *= weights
+        weighted = design * weights
+        normal = weighted @ design.T
+        normal[np.diag_indices(6)] += RIDGE * np.trace(normal)
+        solution = np.asarray(np.linalg.solve(normal, weighted @ target.T), np.float64)
+    return solution, _sigma(_squared_error(design, target, solution))
+
+
+def _squared_error(design: DoubleArray, target: DoubleArray, solution: DoubleArray) -> DoubleArray:
+    error = target - solution.T @ design
+    error *= error
+    squared: DoubleArray = error[0] + error[1]
+    return squared
+
+
+def _sigma(squared: DoubleArray) -> float:
+    middle = squared.size // 2
+    return math.sqrt(np.partition(squared, middle)[middle]) / RAYLEIGH_MEDIAN
 
 
 def rayleigh_sigma(distance: DoubleArray) -> float:
-    """Deviation of one component from the median length of a two-component error (median = 1.1774 sigma)."""
-    return float(np.median(distance)) / 1.1774
+    """Deviation of one component from the median length of a two-component error."""
+    return float(np.median(distance)) / RAYLEIGH_MEDIAN

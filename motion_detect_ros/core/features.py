@@ -13,6 +13,8 @@ from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, Floa
 
 #: Window of the corner response, distance that points keep from border and mask, pixels.
 BLOCK_PX = 5
+#: Width from which corners are looked for at half resolution: tracking needs texture, not a corner to the pixel.
+HALVED_FROM_PX = 640
 #: Cells over which points are spread.
 ROWS, COLUMNS = 6, 8
 #: Weight of the squared trace in the score of Harris and Stephens.
@@ -27,6 +29,7 @@ BRISK_OCTAVES = 1
 #: window must see its border.
 MSER_DELTA_GRAY, MSER_MIN_AREA, MSER_MAX_AREA = 2, 20, 1000
 
+Response = Callable[[ByteArray], FloatArray]
 Detector = Callable[[ByteArray, int, ByteArray], tuple[DoubleArray, DoubleArray]]
 
 
@@ -46,7 +49,7 @@ def find_features(
     """
     allowed = _allowed(gray.shape, mask)
     if kind in RESPONSES:
-        points, strength = _peaks(RESPONSES[kind](gray), allowed, quality)
+        points, strength = _corners(RESPONSES[kind], gray, allowed, quality)
     elif kind in DETECTORS:
         points, strength = _inside(*DETECTORS[kind](gray, count, allowed.view(np.uint8)), allowed)
         strong = strength > quality * strength.max(initial=0.0)
@@ -95,7 +98,7 @@ def _mser(gray: ByteArray, _count: int, _allowed: ByteArray) -> tuple[DoubleArra
     return centres, np.array([len(region) for region in regions], np.float64)
 
 
-RESPONSES: dict[str, Callable[[ByteArray], FloatArray]] = {'shi_tomasi': _shi_tomasi, 'harris': _harris}
+RESPONSES: dict[str, Response] = {'shi_tomasi': _shi_tomasi, 'harris': _harris}
 DETECTORS: dict[str, Detector] = {'fast': _fast, 'orb': _orb, 'brisk': _brisk, 'mser': _mser}
 KINDS = (*RESPONSES, *DETECTORS)
 
@@ -116,13 +119,29 @@ def _allowed(shape: tuple[int, ...], mask: BoolArray | None) -> BoolArray:
     return allowed
 
 
-def _peaks(response: FloatArray, allowed: BoolArray, quality: float) -> tuple[DoubleArray, DoubleArray]:
-    """Local maxima of a response map over ``quality`` times the greatest."""
+def _corners(
+    respond: Response, gray: ByteArray, allowed: BoolArray, quality: float,
+) -> tuple[DoubleArray, DoubleArray]:
+    """Peaks of the response; of a wide image at half resolution, where a pixel of the block is two of the image."""
+    height, width = (side // 2 * 2 for side in gray.shape)
+    if width < HALVED_FROM_PX:
+        return _peaks(respond(gray), allowed, quality, BLOCK_PX)
+    small = cv2.resize(gray[:height, :width], (width // 2, height // 2), interpolation=cv2.INTER_AREA)
+    points, strength = _peaks(respond(small), allowed[:height:2, :width:2], quality, BLOCK_PX // 2)
+    return 2.0 * points + 0.5, strength
+
+
+def _peaks(
+    response: FloatArray, allowed: BoolArray, quality: float, reach: int,
+) -> tuple[DoubleArray, DoubleArray]:
+    """Local maxima, within ``reach`` pixels, of a response map over ``quality`` times the greatest."""
     response[~allowed] = 0.0
-    side = 2 * BLOCK_PX + 1
+    side = 2 * reach + 1
     peak = response == cv2.dilate(response, np.ones((side, side), np.uint8))
-    ys, xs = np.nonzero(peak & (response > quality * float(response.max())))
-    return np.column_stack([xs, ys]).astype(np.float64), response[ys, xs].astype(np.float64)
+    peak &= response > quality * float(response.max())
+    found = np.flatnonzero(peak)
+    ys, xs = np.divmod(found, response.shape[1])
+    return np.column_stack([xs, ys]).astype(np.float64), response.ravel()[found].astype(np.float64)
 
 
 def _inside(points: DoubleArray, strength: DoubleArray, allowed: BoolArray) -> tuple[DoubleArray, DoubleArray]:
