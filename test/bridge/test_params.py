@@ -80,8 +80,10 @@ def test_values_that_the_user_gives_are_taken(make_node: MakeNode):
     ({'art2__vigilance': float('nan')}, r'parameter art2.vigilance: expected float from 0.0 to 1.0: .*nan'),
     ({'art2__max_neurons': 1000}, 'parameter art2.max_neurons: expected int from 2 to 200: .*1000'),
     ({'art2__max_neurons': 25.0}, 'parameter art2.max_neurons: expected int from 2 to 200: .*DOUBLE'),
-    ({'ego_motion__smoothing': 'magic'}, "parameter ego_motion.smoothing: expected one of kalman, autoregressive, none, got 'magic'"),
-    ({'ego_motion__smoothing': 3}, "parameter ego_motion.smoothing: expected one of kalman, autoregressive, none, got '3'"),
+    ({'ego_motion__smoothing': 'magic'},
+     "parameter ego_motion.smoothing: expected one of kalman, autoregressive, none, got 'magic'"),
+    ({'ego_motion__smoothing': 3},
+     "parameter ego_motion.smoothing: expected one of kalman, autoregressive, none, got '3'"),
     ({'ego_motion__smoothing': 3.5}, 'parameter ego_motion.smoothing: expected str: .*DOUBLE'),
 ])
 def test_refusals_are_one_line_with_expected_and_actual(make_node: MakeNode, given: dict[str, object], words: str):

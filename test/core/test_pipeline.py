@@ -196,7 +196,8 @@ class TestSettings:
         ('art2.vigilance', 'high', r"art2.vigilance: expected float, got str 'high'"),
         ('art2.max_neurons', 2.5, r'art2.max_neurons: expected int, got float 2.5'),
         ('art2.max_neurons', True, r'art2.max_neurons: expected int, got bool True'),
-        ('ego_motion.smoothing', 'magic', r"ego_motion.smoothing: expected one of kalman, autoregressive, none, got 'magic'"),
+        ('ego_motion.smoothing', 'magic',
+         r"ego_motion.smoothing: expected one of kalman, autoregressive, none, got 'magic'"),
         ('art2.vigilanse', 0.5, r"unknown setting 'art2.vigilanse'; known: .*art2.vigilance"),
         ('art2.vigilance', float('nan'), r'art2.vigilance: expected 0.0 to 1.0, got nan'),
     ])
