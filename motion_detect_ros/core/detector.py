@@ -10,7 +10,8 @@ from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.evidence import ImagePair
 from motion_detect_ros.core.flow_features import motion_vectors
 from motion_detect_ros.core.memory import Earlier
-from motion_detect_ros.core.objects import MotionField, ObjectFinder
+from motion_detect_ros.core.motion_field import MotionField
+from motion_detect_ros.core.objects import ObjectFinder
 from motion_detect_ros.core.segments import connected_segments
 from motion_detect_ros.core.track import Candidate
 from motion_detect_ros.core.types import FloatArray, PreparedFrame
