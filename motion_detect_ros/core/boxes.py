@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
-from motion_detect_ros.core.types import BoolArray, FloatArray
+from motion_detect_ros.core.types import BoolArray, ByteArray
 
 #: Area of the box around two parts of one body, at most, over the sum of their own boxes.
 MAX_SPREAD = 1.3
@@ -56,11 +58,6 @@ class Box:
         return max(0, self.left - other.right, other.left - self.right,
                    self.top - other.bottom, other.top - self.bottom)
 
-    def points(self) -> FloatArray:
-        """(height, width, 2) float32: the (x, y) of every pixel."""
-        y, x = np.mgrid[self.top:self.bottom, self.left:self.right].astype(np.float32)
-        return np.stack([x, y], axis=-1)
-
 
 @dataclass(frozen=True)
 class Patch:
@@ -79,20 +76,20 @@ class Patch:
         return replace(self, box=self.box.moved(right, down))
 
 
-def connected_patches(mask: BoolArray, closing_px: int) -> list[BoolArray]:
-    """One (h, w) mask for each group of pixels that hang together once gaps up to ``closing_px`` are closed."""
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (closing_px, closing_px))
-    closed = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, kernel)
+def connected_pixels(mask: BoolArray, closing_px: int) -> tuple[int, npt.NDArray[np.int32]]:
+    """Labels that true pixels share which hang together once gaps up to ``closing_px`` are closed.
+
+    Returns the number of labels, 0 included, which is no group; and (h, w) labels, of meaning on the mask only.
+    """
+    closed = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_CLOSE, _ellipse(closing_px))
     count, labels = cv2.connectedComponents(closed, connectivity=8)
-    labels[~mask] = 0
-    return [labels == number for number in range(1, count)]
+    return count, labels
 
 
-def bounding_patch(mask: BoolArray) -> Patch:
-    """Bounds and number of the true pixels of a (h, w) mask that has at least one."""
-    ys, xs = np.nonzero(mask)
-    box = Box(int(xs.min()), int(ys.min()), int(xs.max()) + 1, int(ys.max()) + 1)
-    return Patch(box, len(xs))
+@lru_cache(maxsize=8)
+def _ellipse(size_px: int) -> ByteArray:
+    kernel: ByteArray = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size_px, size_px))
+    return kernel
 
 
 def joined_patches(patches: list[Patch], gap_share: float) -> list[Patch]:

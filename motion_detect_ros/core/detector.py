@@ -10,7 +10,8 @@ from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.evidence import ImagePair
 from motion_detect_ros.core.flow_features import motion_vectors
 from motion_detect_ros.core.memory import Earlier
-from motion_detect_ros.core.objects import MotionField, ObjectFinder
+from motion_detect_ros.core.motion_field import MotionField
+from motion_detect_ros.core.objects import ObjectFinder
 from motion_detect_ros.core.segments import connected_segments
 from motion_detect_ros.core.track import Candidate
 from motion_detect_ros.core.types import FloatArray, PreparedFrame
@@ -55,14 +56,15 @@ class MotionDetector:
 
 def without_fragments(candidates: list[Candidate]) -> list[Candidate]:
     """Without the small ones that move along with a much larger one beside them: its shadow, wake or reflection."""
-    return [one for one in candidates if not any(_fragment(one, other) for other in candidates)]
-
-
-def _fragment(one: Candidate, other: Candidate) -> bool:
-    area = float(one.size.prod())
-    if area > FRAGMENT_SHARE * float(other.size.prod()):
-        return False
-    gap = np.abs(one.centre - other.centre) - (one.size + other.size) / 2.0
-    difference = one.velocity_px_s - other.velocity_px_s
-    speed = float(np.hypot(*other.velocity_px_s))
-    return bool(gap.max() <= BESIDE_SHARE * np.sqrt(area) and np.hypot(*difference) < ALIKE_SHARE * speed)
+    if not candidates:
+        return []
+    centre, size, velocity = (np.array([getattr(one, name) for one in candidates])
+                              for name in ('centre', 'size', 'velocity_px_s'))
+    area, speed = size.prod(axis=1), np.hypot(velocity[:, 0], velocity[:, 1])
+    much_larger = area[:, None] <= FRAGMENT_SHARE * area
+    gap = np.abs(centre[:, None] - centre) - (size[:, None] + size) / 2.0
+    beside = gap.max(axis=2) <= BESIDE_SHARE * np.sqrt(area)[:, None]
+    difference = velocity[:, None] - velocity
+    alike = np.hypot(difference[..., 0], difference[..., 1]) < ALIKE_SHARE * speed
+    fragment = (much_larger & beside & alike).any(axis=1)
+    return [one for one, drop in zip(candidates, fragment, strict=True) if not drop]

@@ -13,13 +13,15 @@ place lies behind the object, where nothing changed.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
+import numba
 import numpy as np
 
 from motion_detect_ros.core.boxes import Box
 from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
-from motion_detect_ros.core.warp import apply, inverse
+from motion_detect_ros.core.warp import inverse
 
 #: Window over which errors are averaged, and slack in position of "the image changed there", pixels.
 WINDOW_PX = 3
@@ -40,11 +42,15 @@ class ImagePair:
     matrix: DoubleArray
     mask: BoolArray | None = None
 
-    def error(self, points: FloatArray, motion: FloatArray) -> FloatArray:
-        """Grey-value error at ``points`` (h, w, 2) if they moved by ``motion`` on top of the ego-motion, pixels."""
-        origin = apply(inverse(self.matrix), points - motion)
-        difference: FloatArray = _sample(self.current, points) - _sample(self.earlier, origin)
-        return difference
+    @cached_property
+    def back(self) -> FloatArray:
+        """(3, 3) float32: current -> earlier pixel."""
+        return inverse(self.matrix).astype(np.float32)
+
+    @cached_property
+    def pictures(self) -> tuple[ByteArray, ByteArray]:
+        """Current and earlier, as one kind of array that a kernel is compiled for once."""
+        return np.require(self.current, None, ['C', 'W']), np.require(self.earlier, None, ['C', 'W'])
 
 
 @dataclass(frozen=True)
@@ -60,19 +66,13 @@ def support(
 ) -> Support:
     """Which pixels of ``box`` the motion explains better than the background, by ``threshold_sigma`` noise levels.
 
-    background, motion: (2,) or (h, w, 2), pixels over the pair, beyond the ego-motion; noise_gray: one deviation.
+    background: (2,) or (h, w, 2), motion: (2,), pixels over the pair, beyond the ego-motion; noise_gray: one deviation.
     """
-    points = box.points()
-    still = _windowed_square(pair.error(points, background))
-    moved = _windowed_square(pair.error(points, motion))
-    gain = (still - moved) / np.float32(noise_gray ** 2)
-    changed = (still > (noise_gray * threshold_sigma) ** 2).astype(np.uint8)
-    changed = cv2.dilate(changed, np.ones((SLACK_PX, SLACK_PX), np.uint8))
-    corner = np.array([box.left, box.top], np.float32)
-    source = points - (motion - background) - corner
-    came_from_change = cv2.remap(changed, source.astype(np.float32), None, cv2.INTER_NEAREST,
-                                 borderMode=cv2.BORDER_CONSTANT)
-    mask = (gain > threshold_sigma ** 2) & (came_from_change > 0)
+    still = np.require(np.broadcast_to(background, (box.height, box.width, 2)), np.float32, ['C', 'W'])
+    errors = cv2.blur(_squared_errors(*pair.pictures, pair.back, box.left, box.top, still, motion),
+                      (WINDOW_PX, WINDOW_PX))
+    mask, gain = _explained(errors, box.left, box.top, still, motion, np.float32(noise_gray ** 2),
+                            np.float32((noise_gray * threshold_sigma) ** 2), np.float32(threshold_sigma ** 2))
     if pair.mask is not None:
         mask &= pair.mask[box.top:box.bottom, box.left:box.right]
     return Support(mask, gain)
@@ -83,16 +83,85 @@ def image_noise(pair: ImagePair, points: FloatArray, background: FloatArray) -> 
 
     points: (n, m, 2) sample positions; background: (n, m, 2) motion beyond the ego-motion there, working pixels.
     """
-    spread = float(np.median(np.abs(pair.error(points, background))))
-    return max(MIN_NOISE_GRAY, 1.4826 * spread)
+    spread = _median_error(*pair.pictures, pair.back, points, background)
+    return max(MIN_NOISE_GRAY, 1.4826 * float(spread))
 
 
-def _sample(image: ByteArray, points: FloatArray) -> FloatArray:
-    values = cv2.remap(image, points, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    sampled: FloatArray = values.astype(np.float32)
-    return sampled
+@numba.njit(cache=True, nogil=True)
+def _grey(image, x, y):  # type: ignore[no-untyped-def]
+    """Grey value at a real position, linear, rounded; beyond the border, and for NaN, the border's."""
+    height, width = image.shape
+    x = min(x, np.float32(width - 1)) if x > 0.0 else np.float32(0.0)
+    y = min(y, np.float32(height - 1)) if y > 0.0 else np.float32(0.0)
+    left, top = int(x), int(y)
+    right, bottom = min(left + 1, width - 1), min(top + 1, height - 1)
+    u, v = x - np.float32(left), y - np.float32(top)
+    a, b = np.float32(image[top, left]), np.float32(image[top, right])
+    c, d = np.float32(image[bottom, left]), np.float32(image[bottom, right])
+    above, below = a + u * (b - a), c + u * (d - c)
+    return np.rint(above + v * (below - above))
 
 
-def _windowed_square(error: FloatArray) -> FloatArray:
-    mean: FloatArray = cv2.blur(error * error, (WINDOW_PX, WINDOW_PX))
-    return mean
+@numba.njit(cache=True, nogil=True, error_model='numpy')
+def _grey_before(image, back, x, y):  # type: ignore[no-untyped-def]
+    """Grey value of the earlier image at what ``back`` makes of a current position."""
+    depth = back[2, 0] * x + back[2, 1] * y + back[2, 2]
+    return _grey(image, (back[0, 0] * x + back[0, 1] * y + back[0, 2]) / depth,
+                 (back[1, 0] * x + back[1, 1] * y + back[1, 2]) / depth)
+
+
+@numba.njit(cache=True, nogil=True)
+def _squared_errors(current, earlier, back, left, top, still, motion):  # type: ignore[no-untyped-def]
+    """(h, w, 2) squared grey-value error of every pixel of a box if it was still, if it moved."""
+    height, width = still.shape[:2]
+    errors = np.empty((height, width, 2), np.float32)
+    for r in range(height):
+        y = np.float32(top + r)
+        for c in range(width):
+            x, here = np.float32(left + c), np.float32(current[top + r, left + c])
+            miss = here - _grey_before(earlier, back, x - still[r, c, 0], y - still[r, c, 1])
+            errors[r, c, 0] = miss * miss
+            miss = here - _grey_before(earlier, back, x - motion[0], y - motion[1])
+            errors[r, c, 1] = miss * miss
+    return errors
+
+
+@numba.njit(cache=True, nogil=True, error_model='numpy')
+def _explained(errors, left, top, still, motion, noise, change, threshold):  # type: ignore[no-untyped-def]
+    """(h, w) pixels that gain more than ``threshold`` and came from change, and (h, w) the gain in units of ``noise``.
+
+    errors: (h, w, 2) mean squared errors of a box; change: what of the first is one.
+    """
+    height, width = errors.shape[:2]
+    slack = SLACK_PX // 2
+    mask, gain = np.zeros((height, width), np.bool_), np.empty((height, width), np.float32)
+    for r in range(height):
+        for c in range(width):
+            gain[r, c] = (errors[r, c, 0] - errors[r, c, 1]) / noise
+            if not gain[r, c] > threshold:
+                continue
+            x = np.float32(left + c) - (motion[0] - still[r, c, 0]) - np.float32(left)
+            y = np.float32(top + r) - (motion[1] - still[r, c, 1]) - np.float32(top)
+            if not (-1.0 < x < width and -1.0 < y < height):
+                continue
+            column, row = int(np.rint(x)), int(np.rint(y))
+            if not (0 <= column < width and 0 <= row < height):
+                continue
+            near = errors[max(0, row - slack):row + slack + 1, max(0, column - slack):column + slack + 1, 0]
+            mask[r, c] = near.max() > change
+    return mask, gain
+
+
+@numba.njit(cache=True, nogil=True)
+def _median_error(current, earlier, back, points, still):  # type: ignore[no-untyped-def]
+    """Median grey-value error at ``points`` (n, m, 2) if they were still; errors are whole numbers, so by counting."""
+    counts = np.zeros(256, np.int64)
+    for r in range(points.shape[0]):
+        for c in range(points.shape[1]):
+            x, y = points[r, c, 0], points[r, c, 1]
+            before = _grey_before(earlier, back, x - still[r, c, 0], y - still[r, c, 1])
+            counts[int(abs(_grey(current, x, y) - before))] += 1
+    total = points.shape[0] * points.shape[1]
+    low = np.searchsorted(np.cumsum(counts), (total - 1) // 2, 'right')
+    high = np.searchsorted(np.cumsum(counts), total // 2, 'right')
+    return (low + high) / 2.0

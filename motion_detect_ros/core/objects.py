@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import cv2
+import numba
 import numpy as np
 import numpy.typing as npt
 
-from motion_detect_ros.core.background import Background
-from motion_detect_ros.core.boxes import (
-    Box,
-    Patch,
-    bounding_patch,
-    connected_patches,
-    joined_patches,
-)
+from motion_detect_ros.core.boxes import Box, Patch, connected_pixels, joined_patches
 from motion_detect_ros.core.config import ObjectsConfig
 from motion_detect_ros.core.evidence import ImagePair, Support, image_noise, support
+from motion_detect_ros.core.motion_field import MotionField
 from motion_detect_ros.core.scoring import log_odds
 from motion_detect_ros.core.segments import Segment
 from motion_detect_ros.core.track import Candidate
-from motion_detect_ros.core.types import BoolArray, FloatArray
+from motion_detect_ros.core.types import BoolArray
 from motion_detect_ros.core.warp import grid_points
 
 #: A segment's surroundings that its object may reach into, working-resolution pixels.
@@ -31,55 +23,8 @@ MARGIN_PX = 8
 SPACE_MARGIN_SHARE = 0.5
 #: Fewer supported pixels than this are noise.
 MIN_PIXELS = 8
-#: How far around an object the flow shows whether it is to be trusted there, cells.
-AROUND_CELLS = 4
 #: The gain that a patch's strongest pixels reach, as a percentile.
 PEAK_PERCENTILE = 90.0
-
-
-@dataclass(frozen=True)
-class MotionField:
-    """What the grid says about one frame.
-
-    ``residual``: (gh, gw, 2) motion beyond the ego-motion, full-resolution pixels over ``seconds``, NaN = unknown;
-    ``background``: what of it is the background's; ``scale``: working / full resolution.
-    """
-
-    residual: FloatArray
-    background: Background
-    seconds: float
-    scale: float
-
-    def still(self, region: Box, width: int, height: int) -> FloatArray:
-        """(h, w, 2) motion of the background in a region of the ``width`` x ``height`` working image, its pixels."""
-        rows, columns = self.background.flow.shape[:2]
-        cells = (region.points() + np.float32(0.5)) * np.array([columns / width, rows / height], np.float32)
-        flow: FloatArray = cv2.remap(self.background.flow, cells - np.float32(0.5), None, cv2.INTER_LINEAR,
-                                     borderMode=cv2.BORDER_REPLICATE)
-        return flow * np.float32(self.scale)
-
-    def own_motion(self, rows: slice, columns: slice) -> tuple[FloatArray, float, float]:
-        """Motion against the background in a window of cells: (2,) pixels, in noise units, share of known cells.
-
-        The median of the faster half of the cells; the slower half is leaked background.
-        """
-        own = (self.residual - self.background.flow)[rows, columns].reshape(-1, 2)
-        known = np.isfinite(own[:, 0])
-        if not known.any():
-            return np.zeros(2, np.float32), 0.0, 0.0
-        own = own[known]
-        length = np.hypot(own[:, 0], own[:, 1])
-        motion: FloatArray = np.median(own[length >= np.median(length)], axis=0)
-        sigma_px = float(np.median(self.background.sigma_px[rows, columns]))
-        return motion, float(np.hypot(motion[0], motion[1])) / sigma_px, float(known.mean())
-
-    def known_around(self, rows: slice, columns: slice) -> float:
-        """Share of the cells within ``AROUND_CELLS`` of a window of cells, but not in it, whose motion is known."""
-        known = np.isfinite(self.residual[..., 0])
-        inside = known[rows, columns]
-        wide = known[max(0, rows.start - AROUND_CELLS):rows.stop + AROUND_CELLS,
-                     max(0, columns.start - AROUND_CELLS):columns.stop + AROUND_CELLS]
-        return (np.count_nonzero(wide) - np.count_nonzero(inside)) / max(1, wide.size - inside.size)
 
 
 class ObjectFinder:
@@ -104,22 +49,19 @@ class ObjectFinder:
     def _patches(self, segment: Segment, field: MotionField, pair: ImagePair, noise_gray: float) -> list[Patch]:
         """Patches of the image around one segment that its motion explains, working-resolution pixels."""
         height, width = pair.current.shape
-        cells = (segment.rows, segment.columns)
         region = self._region(segment, field, width, height)
-        motion = np.median(field.residual[cells], axis=0) * np.float32(field.scale)
         still = field.still(region, width, height)
-        seen = support(pair, region, still, motion, noise_gray, self._config.evidence_sigma)
-        inside = _cell_mask(segment, field.residual.shape[:2], region, width, height)
-        found = self._supported(seen, inside)
+        seen = support(pair, region, still, field.motion_of(segment), noise_gray, self._config.evidence_sigma)
+        found = self._supported(seen, _cell_mask(segment, field.residual.shape[:2], region, width, height))
         joined = joined_patches(found, self._config.join_gap_share)
         return [patch.moved(region.left, region.top) for patch in joined if self._plausible(patch, width * height)]
 
     @staticmethod
     def _region(segment: Segment, field: MotionField, width: int, height: int) -> Box:
         rows, columns = field.residual.shape[:2]
-        r, c = segment.rows, segment.columns
-        box = Box(int(c.min()) * width // columns, int(r.min()) * height // rows,
-                  -(-(int(c.max()) + 1) * width // columns), -(-(int(r.max()) + 1) * height // rows))
+        cells = segment.box
+        box = Box(cells.left * width // columns, cells.top * height // rows,
+                  -(-cells.right * width // columns), -(-cells.bottom * height // rows))
         margin = MARGIN_PX
         if not field.background.smooth:
             margin = max(margin, round(SPACE_MARGIN_SHARE * min(box.width, box.height)))
@@ -130,15 +72,9 @@ class ObjectFinder:
 
         A soft shadow moves with its object, but its gain is far below that of the object's own edges.
         """
-        found = []
-        for mask in connected_patches(seen.mask, self._config.closing_px):
-            if not (mask & inside).any() or np.count_nonzero(mask) < MIN_PIXELS:
-                continue
-            peak = np.percentile(seen.gain[mask], PEAK_PERCENTILE)
-            strong = mask & (seen.gain > self._config.peak_share * peak)
-            if np.count_nonzero(strong) >= MIN_PIXELS:
-                found.append(bounding_patch(strong))
-        return found
+        count, labels = connected_pixels(seen.mask, self._config.closing_px)
+        rows = _strong_patches(labels, count, seen.mask, seen.gain, inside, self._config.peak_share)
+        return [Patch(Box(*row[:4]), row[4]) for row in rows.tolist()]
 
     def _plausible(self, patch: Patch, image_area: int) -> bool:
         config = self._config
@@ -162,9 +98,78 @@ class ObjectFinder:
 
 def _cell_mask(segment: Segment, grid: tuple[int, ...], region: Box, width: int, height: int) -> BoolArray:
     """The segment's cells as pixels of ``region``."""
-    cells = np.zeros(grid, np.bool_)
-    cells[segment.rows, segment.columns] = True
-    ys = np.arange(region.top, region.bottom) * grid[0] // height
-    xs = np.arange(region.left, region.right) * grid[1] // width
-    mask: BoolArray = cells[np.ix_(ys, xs)]
+    mask: BoolArray = _pixels_of(segment.rows, segment.columns, grid[0], grid[1], region.left, region.top, region.right,
+                                 region.bottom, width, height)
     return mask
+
+
+@numba.njit(cache=True, nogil=True)
+def _pixels_of(rows, columns, grid_rows, grid_columns, left, top, right, bottom, width, height):  # type: ignore[no-untyped-def]
+    """(bottom - top, right - left) pixels of a ``width`` x ``height`` picture that lie in cells (n,) of its grid."""
+    mask = np.zeros((bottom - top, right - left), np.bool_)
+    for n in range(len(rows)):
+        r, c = rows[n], columns[n]
+        y0, y1 = max(top, -(-r * height // grid_rows)), min(bottom, -(-(r + 1) * height // grid_rows))
+        x0, x1 = max(left, -(-c * width // grid_columns)), min(right, -(-(c + 1) * width // grid_columns))
+        for y in range(y0, y1):
+            for x in range(x0, x1):
+                mask[y - top, x - left] = True
+    return mask
+
+
+@numba.njit(cache=True, nogil=True)
+def _percentile(values, percent):  # type: ignore[no-untyped-def]
+    """As ``numpy.percentile``, which takes seconds to compile; orders ``values`` (n,) anew (Hoare 1961)."""
+    rank = percent / 100.0 * (len(values) - 1)
+    below = int(rank)
+    first, last = 0, len(values) - 1
+    while first < last:
+        pivot, i, j = values[(first + last) // 2], first, last
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while values[j] > pivot:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i, j = i + 1, j - 1
+        first, last = (first if below <= j else i), (last if below >= i else j)
+        if j < below < i:
+            break
+    low = values[below]
+    high = values[below + 1:].min() if below + 1 < len(values) else low
+    return low + np.float32(rank - below) * (high - low)
+
+
+@numba.njit(cache=True, nogil=True)
+def _strong_patches(labels, count, mask, gain, inside, peak_share):  # type: ignore[no-untyped-def]
+    """(n, 5) left, top, right, bottom, pixels: of each label that touches ``inside``, the pixels near its peak gain."""
+    height, width = labels.shape
+    pixels, touches = np.zeros(count, np.int64), np.zeros(count, np.bool_)
+    for y in range(height):
+        for x in range(width):
+            if mask[y, x]:
+                pixels[labels[y, x]] += 1
+                touches[labels[y, x]] |= inside[y, x]
+    ends = np.cumsum(pixels)
+    filled, gains = ends - pixels, np.empty(ends[-1], np.float32)
+    for y in range(height):
+        for x in range(width):
+            if mask[y, x]:
+                gains[filled[labels[y, x]]] = gain[y, x]
+                filled[labels[y, x]] += 1
+    limits = np.full(count, np.inf, np.float32)
+    for label in range(count):
+        if touches[label] and pixels[label] >= MIN_PIXELS:
+            of_label = gains[ends[label] - pixels[label]:ends[label]]
+            limits[label] = np.float32(peak_share) * _percentile(of_label, PEAK_PERCENTILE)
+    patches = np.zeros((count, 5), np.int64)
+    patches[:, 0], patches[:, 1] = width, height
+    for y in range(height):
+        for x in range(width):
+            if mask[y, x] and gain[y, x] > limits[labels[y, x]]:
+                patch = patches[labels[y, x]]
+                patch[0], patch[1] = min(patch[0], x), min(patch[1], y)
+                patch[2], patch[3] = max(patch[2], x + 1), max(patch[3], y + 1)
+                patch[4] += 1
+    return patches[patches[:, 4] >= MIN_PIXELS]

@@ -147,7 +147,7 @@ def total_to_residual(flow: FloatArray, matrix: DoubleArray, width: int, height:
     return residual
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model='numpy')
 def _checked(there, back, cell_x, cell_y, limit_squared):  # type: ignore[no-untyped-def]
     """``there`` (rows, columns, 2) with NaN where ``back``, linear between cells, does not return; cells in pixels."""
     rows, columns = there.shape[:2]
@@ -175,7 +175,7 @@ def _checked(there, back, cell_x, cell_y, limit_squared):  # type: ignore[no-unt
     return checked
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model='numpy')
 def _total(shift, back, scale, width, height):  # type: ignore[no-untyped-def]
     """(rows, columns, 2) full-resolution displacement: ``shift`` (working pixels, stabilised pair) and the ego-motion.
 

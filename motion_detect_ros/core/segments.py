@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from motion_detect_ros.core.art2 import LabelArray, similarity
+from motion_detect_ros.core.boxes import Box
 from motion_detect_ros.core.types import FloatArray
 
 
@@ -16,12 +17,14 @@ from motion_detect_ros.core.types import FloatArray
 class Segment:
     """Connected cells that move as one.
 
-    ``rows, columns``: (n,) cell indices; ``neuron``: index of the ART2 neuron that won most of them.
+    ``rows, columns``: (n,) cell indices; ``neuron``: index of the ART2 neuron that won most of them; ``box``: bounds,
+    in cells.
     """
 
     rows: npt.NDArray[np.int64]
     columns: npt.NDArray[np.int64]
     neuron: int
+    box: Box
 
 
 def connected_segments(labels: LabelArray, prototypes: FloatArray, join_match: float) -> list[Segment]:
@@ -30,13 +33,14 @@ def connected_segments(labels: LabelArray, prototypes: FloatArray, join_match: f
     labels: (gh, gw) int32, 0 = background, negative = not presented; prototypes: (K, 2).
     """
     joined = _joined(prototypes, join_match)
-    components = _label_components(np.ascontiguousarray(labels), joined)
-    rows, columns = np.nonzero(components)
-    order = np.argsort(components[rows, columns], kind='stable')
-    rows, columns = rows[order], columns[order]
-    bounds = np.flatnonzero(np.diff(components[rows, columns])) + 1
-    pieces = zip(np.split(rows, bounds), np.split(columns, bounds), strict=True)
-    return [Segment(r, c, int(np.bincount(labels[r, c]).argmax())) for r, c in pieces if len(r)]
+    labels = np.ascontiguousarray(labels)
+    components = _label_components(labels, joined)
+    rows, columns, summaries = _members(labels, components, len(prototypes))
+    segments, start = [], 0
+    for stop, neuron, *bounds in summaries.tolist():
+        segments.append(Segment(rows[start:stop], columns[start:stop], neuron, Box(*bounds)))
+        start = stop
+    return segments
 
 
 @numba.njit(cache=True, nogil=True)
@@ -75,3 +79,36 @@ def _label_components(labels, joined):  # type: ignore[no-untyped-def]
                             stack[top, 0], stack[top, 1] = rr, cc
                             top += 1
     return component
+
+
+@numba.njit(cache=True, nogil=True)
+def _members(labels, component, neurons):  # type: ignore[no-untyped-def]
+    """(n,) rows and columns of the cells, component after component, each in raster order; and for each component
+    (6,): where its cells end, the neuron most of them have (the first of equals), left, top, right, bottom.
+    """
+    rows, columns = labels.shape
+    count = component.max() if component.size else 0
+    sizes = np.bincount(component.ravel(), minlength=count + 1)
+    sizes[0] = 0
+    ends = np.cumsum(sizes)
+    next_at = ends - sizes
+    row_of, column_of = np.empty(ends[-1], np.int64), np.empty(ends[-1], np.int64)
+    for r in range(rows):
+        for c in range(columns):
+            number = component[r, c]
+            if number > 0:
+                row_of[next_at[number]], column_of[next_at[number]] = r, c
+                next_at[number] += 1
+    summaries = np.empty((count, 6), np.int64)
+    votes = np.zeros(neurons, np.int64)
+    for number in range(1, count + 1):
+        votes[:] = 0
+        left, right = columns, 0
+        start, end = ends[number] - sizes[number], ends[number]
+        for n in range(start, end):
+            votes[labels[row_of[n], column_of[n]]] += 1
+            left, right = min(left, column_of[n]), max(right, column_of[n] + 1)
+        summaries[number - 1, 0], summaries[number - 1, 1] = end, votes.argmax()
+        summaries[number - 1, 2], summaries[number - 1, 3] = left, row_of[start]
+        summaries[number - 1, 4], summaries[number - 1, 5] = right, row_of[end - 1] + 1
+    return row_of, column_of, summaries

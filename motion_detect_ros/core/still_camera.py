@@ -10,6 +10,7 @@ from frame to frame adds up. Displacements that are too long for one step scatte
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -33,6 +34,16 @@ LOOK_BACK = 8
 SIGMAS = 3.0
 
 
+@dataclass(frozen=True)
+class Sampled:
+    """``patches``: (N, n, n) smoothed; ``centres``: (N, 2) working-resolution pixels; ``scene``: (N,) unmasked."""
+
+    frame: PreparedFrame
+    patches: FloatArray
+    centres: FloatArray
+    scene: BoolArray
+
+
 class StillFirst:
     """Looks whether the camera stands still, and asks ``method`` where it does not."""
 
@@ -40,24 +51,24 @@ class StillFirst:
         self._limit_px = config.static_px
         self._kind = model_family(config.model).kind
         self._method = method
-        self._past: deque[PreparedFrame] = deque(maxlen=LOOK_BACK)
+        self._past: deque[Sampled] = deque(maxlen=LOOK_BACK)
 
     def measure(self, previous: PreparedFrame, frame: PreparedFrame, prior: DoubleArray | None = None) -> Measured:
         """As ``EgoMethod``; of a camera that stands still the identity."""
-        if not self._past or self._past[-1] is not previous:
+        if not self._past or self._past[-1].frame is not previous:
             self._past.clear()
-            self._past.append(previous)
-        earliest, complete = self._past[0], len(self._past) == LOOK_BACK
-        self._past.append(frame)
-        still = self._still(previous, frame) if complete else None
-        if still is None or self._still(earliest, frame) is None:
+            self._past.append(sampled(previous))
+        earliest, last, complete = self._past[0], self._past[-1], len(self._past) == LOOK_BACK
+        self._past.append(sampled(frame))
+        still = self._still(last, self._past[-1]) if complete else None
+        if still is None or self._still(earliest, self._past[-1]) is None:
             return self._method.measure(previous, frame, prior)
         return Measured(still, EgoStatus.OK, len(still.inliers))
 
-    def _still(self, previous: PreparedFrame, frame: PreparedFrame) -> MotionFit | None:
+    def _still(self, earlier: Sampled, later: Sampled) -> MotionFit | None:
         """No motion, with the measured one as part of its uncertainty; None where there may be some."""
-        centre = centre_of(frame)
-        points, shift = patch_displacements(previous.gray, frame.gray, previous.mask)
+        frame, centre = later.frame, centre_of(later.frame)
+        points, shift = patch_displacements(earlier, later)
         if len(points) < MIN_PATCHES:
             return None
         points, shift = points / np.float32(frame.scale), shift / np.float32(frame.scale)
@@ -70,30 +81,36 @@ class StillFirst:
         return MotionFit(np.zeros(8), covariance, fit.inliers, fit.residual_px, self._kind)
 
 
-def patch_displacements(
-    previous: ByteArray, current: ByteArray, mask: BoolArray | None = None,
-) -> tuple[FloatArray, FloatArray]:
-    """(N, 2) centres of the textured patches and (N, 2) how they moved, pixels. mask: (h, w), as a frame's."""
-    height, width = previous.shape
-    y, x = (np.linspace(0, side - SIDE_PX, count).astype(np.int64) for side, count in zip(
-        (height, width), GRID, strict=True))
-    if y[0] < 0 or x[0] < 0 or min(height, width) < SIDE_PX:
-        return np.empty((0, 2), np.float32), np.empty((0, 2), np.float32)
-    before, after = (_blurred(_patches(image, y, x).astype(np.float32)) for image in (previous, current))
-    mean = 0.5 * (before + after)
-    gx = 0.5 * (mean[:, 1:-1, 2:] - mean[:, 1:-1, :-2]).reshape(len(mean), -1)
-    gy = 0.5 * (mean[:, 2:, 1:-1] - mean[:, :-2, 1:-1]).reshape(len(mean), -1)
-    change = (after - before)[:, 1:-1, 1:-1].reshape(len(mean), -1)
-    gx, gy, change = (part - part.mean(axis=1, keepdims=True) for part in (gx, gy, change))
-    xx, xy, yy = (gx * gx).mean(axis=1), (gx * gy).mean(axis=1), (gy * gy).mean(axis=1)
-    tx, ty = (gx * change).mean(axis=1), (gy * change).mean(axis=1)
-    use = 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy) > MIN_ENERGY
-    if mask is not None:
-        use &= _patches(mask.view(np.uint8), y, x).min(axis=(1, 2)) > 0
+def sampled(frame: PreparedFrame) -> Sampled:
+    """The patches of ``frame``, which is larger than one."""
+    y, x = (np.linspace(0, side - SIDE_PX, count).astype(np.int64)
+            for side, count in zip(frame.gray.shape, GRID, strict=True))
+    scene = np.ones(len(y) * len(x), np.bool_)
+    if frame.mask is not None:
+        scene = _patches(frame.mask.view(np.uint8), y, x).min(axis=(1, 2)) > 0
+    centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2).astype(np.float32) + np.float32((SIDE_PX - 1) / 2)
+    return Sampled(frame, _blurred(_patches(frame.gray, y, x).astype(np.float32)), centres, scene)
+
+
+def patch_displacements(earlier: Sampled, later: Sampled) -> tuple[FloatArray, FloatArray]:
+    """(N, 2) centres of the earlier frame's textured patches and (N, 2) how they moved, working-resolution pixels."""
+    twice = earlier.patches + later.patches
+    pixels = (len(twice), (SIDE_PX - 4) ** 2)
+    gx = ((twice[:, 1:-1, 2:] - twice[:, 1:-1, :-2]) * np.float32(0.25)).reshape(pixels)
+    gy = ((twice[:, 2:, 1:-1] - twice[:, :-2, 1:-1]) * np.float32(0.25)).reshape(pixels)
+    change = (later.patches - earlier.patches)[:, 1:-1, 1:-1].reshape(pixels)
+    xx, xy, yy = _covariance(gx, gx), _covariance(gx, gy), _covariance(gy, gy)
+    tx, ty = _covariance(gx, change), _covariance(gy, change)
+    use = earlier.scene & (0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy) > MIN_ENERGY)
     determinant = (xx * yy - xy * xy)[use]
     shift = np.column_stack([(xy * ty - yy * tx)[use], (xy * tx - xx * ty)[use]]) / determinant[:, None]
-    centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) + (SIDE_PX - 1) / 2.0
-    return centres[use].astype(np.float32), shift.astype(np.float32)
+    return earlier.centres[use], shift.astype(np.float32)
+
+
+def _covariance(one: FloatArray, other: FloatArray) -> DoubleArray:
+    """(N,) of each row."""
+    product = np.einsum('ij,ij->i', one, other) / one.shape[1]
+    return np.asarray(product - one.mean(axis=1) * other.mean(axis=1), np.float64)
 
 
 def _patches(image: ByteArray, y: np.ndarray, x: np.ndarray) -> ByteArray:

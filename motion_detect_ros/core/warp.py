@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 
@@ -27,11 +29,14 @@ def stabilise(earlier: ByteArray, matrix: DoubleArray) -> ByteArray:
     return warped
 
 
+@lru_cache(maxsize=8)
 def grid_points(rows: int, columns: int, width: int, height: int) -> FloatArray:
-    """(rows, columns, 2) float32: the full-resolution pixel (x, y) at the centre of every grid cell."""
+    """(rows, columns, 2) float32: the full-resolution pixel (x, y) at the centre of every grid cell; read-only."""
     x = (np.arange(columns, dtype=np.float32) + 0.5) * (width / columns) - 0.5
     y = (np.arange(rows, dtype=np.float32) + 0.5) * (height / rows) - 0.5
-    return np.stack(np.meshgrid(x, y), axis=-1).astype(np.float32)
+    points = np.stack(np.meshgrid(x, y), axis=-1).astype(np.float32)
+    points.flags.writeable = False
+    return points
 
 
 def inverse(matrix: DoubleArray) -> DoubleArray:

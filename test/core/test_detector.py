@@ -7,7 +7,7 @@ import pytest
 
 from motion_detect_ros.core.background import Background
 from motion_detect_ros.core.detector import without_fragments
-from motion_detect_ros.core.objects import MotionField
+from motion_detect_ros.core.motion_field import MotionField
 from motion_detect_ros.core.track import Candidate
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy import ndimage
 
 from motion_detect_ros.core.background import fit_background
-from motion_detect_ros.core.boxes import Box, Patch, bounding_patch, connected_patches, joined_patches
+from motion_detect_ros.core.boxes import Box, Patch, connected_pixels, joined_patches
 from motion_detect_ros.core.config import BackgroundConfig
 from motion_detect_ros.core.contact import bearings
 from motion_detect_ros.core.ego_chain import MAX_LINKS, EgoChain
@@ -103,8 +103,17 @@ class TestSegments:
         segments = connected_segments(labels, np.float32([[0, 0], [9, 0]]), 0.5)
         expected, count = ndimage.label(labels, structure=np.ones((3, 3)))
         assert len(segments) == count
-        sizes = sorted(np.bincount(expected.ravel())[1:].tolist())
-        assert sorted(len(segment.rows) for segment in segments) == sizes
+        for segment in segments:
+            r, c = np.nonzero(expected == expected[segment.rows[0], segment.columns[0]])
+            assert (segment.rows.tolist(), segment.columns.tolist()) == (r.tolist(), c.tolist())
+            assert segment.box == Box(c.min(), r.min(), c.max() + 1, r.max() + 1)
+
+    def test_the_neuron_of_a_segment_is_the_one_with_most_cells(self):
+        labels = np.zeros((6, 9), np.int32)
+        labels[0, :5], labels[1, :3] = 1, 3
+        labels[4, :2], labels[5, 1:3] = 3, 2
+        alike = np.float32([[0, 0], [9, 0], [9, 1], [9, 2]])
+        assert [segment.neuron for segment in connected_segments(labels, alike, 0.5)] == [1, 2]
 
     def test_touching_motions_join_only_where_they_match(self):
         labels = np.zeros((4, 6), np.int32)
@@ -126,13 +135,13 @@ class TestBoxes:
         assert box.grown(4, 13, 100) == Box(0, 0, 13, 12)
         assert box.union(Box(20, 0, 22, 4)) == Box(2, 0, 22, 8)
         assert box.gap(Box(20, 0, 22, 4)) == 8 and box.gap(Box(5, 5, 6, 6)) == 0
-        assert box.points()[0, 0].tolist() == [2, 3] and box.points().shape == (5, 10, 2)
 
     def test_patches_close_small_gaps_only(self):
         mask = np.zeros((30, 60), bool)
         mask[10:20, 5:15] = mask[10:20, 18:28] = mask[10:20, 45:55] = True
-        groups = [bounding_patch(group) for group in connected_patches(mask, 7)]
-        assert sorted((p.box.left, p.box.right, p.pixels) for p in groups) == [(5, 28, 200), (45, 55, 100)]
+        count, labels = connected_pixels(mask, 7)
+        groups = [np.nonzero(mask & (labels == number))[1] for number in range(1, count)]
+        assert sorted((g.min(), g.max() + 1, len(g)) for g in groups) == [(5, 28, 200), (45, 55, 100)]
 
     def test_joining_depends_on_the_smaller_patch(self):
         big, near, far = Patch(Box(0, 0, 40, 40), 900), Patch(Box(44, 0, 64, 20), 300), Patch(Box(90, 0, 100, 10), 80)

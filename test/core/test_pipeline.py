@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from motion_detect_ros.core.boxes import Box, bounding_patch
+from motion_detect_ros.core.boxes import Box
 from motion_detect_ros.core.config import PipelineConfig, PreprocessingConfig
 from motion_detect_ros.core.ego_motion import no_estimate
 from motion_detect_ros.core.errors import ConfigError, FrameError
@@ -170,7 +170,8 @@ class TestEvidence:
     @pytest.mark.parametrize('ground', [texture(5, 130, 200), np.full((130, 200), 120, np.uint8)],
                              ids=['texture', 'plain'])
     def test_support_is_the_object_and_not_its_ghost(self, ground):
-        box = bounding_patch(self.seen(ground).mask).box.moved(20, 10)
+        y, x = np.nonzero(self.seen(ground).mask)
+        box = Box(x.min() + 20, y.min() + 10, x.max() + 21, y.max() + 11)
         true = Box(70, 40, 70 + SIDE, 40 + SIDE)
         inter = (min(box.right, true.right) - max(box.left, true.left)) * (
             min(box.bottom, true.bottom) - max(box.top, true.top))

@@ -15,7 +15,7 @@ from motion_detect_ros.core.config import EgoMotionConfig, PipelineConfig, Prepr
 from motion_detect_ros.core.ego_measured import Measured
 from motion_detect_ros.core.ego_motion import EgoMotionStage
 from motion_detect_ros.core.preprocessing import Preprocessor
-from motion_detect_ros.core.still_camera import LOOK_BACK, StillFirst, patch_displacements
+from motion_detect_ros.core.still_camera import LOOK_BACK, StillFirst, patch_displacements, sampled
 from motion_detect_ros.core.types import EgoMotion, EgoStatus, PreparedFrame
 
 FRAMES = LOOK_BACK + 4
@@ -141,12 +141,15 @@ def test_a_gap_or_a_masked_picture_is_left_to_the_method():
     assert all(ego.status == EgoStatus.LOW_TEXTURE for ego in watch([flat] * FRAMES)[1:])
     config = PreprocessingConfig(ignore_regions=f'0,0,{WIDTH},{HEIGHT}')
     frame = Preprocessor(config).process(seen(world(2).astype(float), 0, 0), PERIOD_NS)
-    assert len(patch_displacements(frame.gray, frame.gray, frame.mask)[0]) == 0
+    assert len(patch_displacements(sampled(frame), sampled(frame))[0]) == 0
 
 
 def test_displacements_of_patches_are_those_of_the_picture():
     texture = world(5).astype(float)
-    _, shift = patch_displacements(seen(texture, 0, 0), seen(moved(texture, 0.3, -0.2), 0, 0))
+    prepare = Preprocessor(PreprocessingConfig())
+    frames = [prepare.process(picture, index + 1) for index, picture in enumerate(
+        [seen(texture, 0, 0), seen(moved(texture, 0.3, -0.2), 0, 0)])]
+    _, shift = patch_displacements(*map(sampled, frames))
     np.testing.assert_allclose(np.median(shift, axis=0), [0.3, -0.2], atol=0.03)
 
 
@@ -156,7 +159,7 @@ def test_a_still_camera_is_cheap():
     cv2.setNumThreads(1)
 
     def median_time(static_px: float) -> float:
-        config = PipelineConfig(ego_motion=EgoMotionConfig(static_px=static_px))
+        config = PipelineConfig(ego_motion=EgoMotionConfig(method='direct', static_px=static_px))
         stage, prepare, times = EgoMotionStage(config), Preprocessor(config.preprocessing), []
         for index, picture in enumerate(pictures):
             frame = prepare.process(picture, (index + 1) * PERIOD_NS)
@@ -166,6 +169,6 @@ def test_a_still_camera_is_cheap():
         return float(np.median(times[LOOK_BACK + 1:]))
 
     try:
-        assert median_time(0.05) < 0.85 * median_time(0.0)
+        assert median_time(0.05) < 0.7 * median_time(0.0)
     finally:
         cv2.setNumThreads(threads)
