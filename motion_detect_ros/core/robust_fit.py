@@ -57,38 +57,51 @@ def refine_motion(
     The covariance is that of weighted least squares with the variance measured on the inliers.
     """
     x, target = normalised(points, centre), (moved - points).astype(np.float64)
+    free = np.linalg.lstsq(family.basis, theta, rcond=None)[0]
+    steps = _steps(family, theta, x, centre)
     for _ in range(ITERATIONS):
         error = target - displacement(family, theta, x, centre)
         weights = _weights(error)
-        steps = jacobian(family, theta, x, centre) @ family.basis
-        step = np.linalg.lstsq(_normal(steps, weights), _right(steps, weights, error), rcond=None)[0]
-        theta = family.basis @ (np.linalg.lstsq(family.basis, theta, rcond=None)[0] + step)
+        if not family.polynomial:
+            steps = _steps(family, theta, x, centre)
+        weighted = _weighted(steps, weights)
+        free = free + np.linalg.lstsq(weighted @ steps.T, weighted @ error.T.ravel(), rcond=None)[0]
+        theta = family.basis @ free
     error = target - displacement(family, theta, x, centre)
-    return _summary(family, theta, error, weights, jacobian(family, theta, x, centre) @ family.basis)
+    return _summary(family, theta, error, weights, steps if family.polynomial else _steps(family, theta, x, centre))
+
+
+def _steps(family: ModelFamily, theta: DoubleArray, x: DoubleArray, centre: DoubleArray) -> DoubleArray:
+    """(k, 2 N): derivative by the free parameters of all dx, then of all dy."""
+    by_theta = jacobian(family, theta, x, centre).transpose(2, 1, 0).reshape(family.basis.shape[0], -1)
+    steps: DoubleArray = family.basis.T @ by_theta
+    return steps
+
+
+def _weighted(steps: DoubleArray, weights: DoubleArray) -> DoubleArray:
+    weighted: DoubleArray = (steps.reshape(len(steps), 2, -1) * weights).reshape(len(steps), -1)
+    return weighted
 
 
 def _weights(error: DoubleArray) -> DoubleArray:
-    sigma = max(MAD_TO_SIGMA * float(np.median(np.abs(error - np.median(error, axis=0)))), MIN_SIGMA_PX)
-    distance = np.hypot(error[:, 0], error[:, 1])
-    weights: DoubleArray = np.clip(1.0 - (distance / (TUKEY_C * sigma)) ** 2, 0.0, None) ** 2
+    sigma = max(MAD_TO_SIGMA * float(_median(np.abs(error - _median(error)).ravel())), MIN_SIGMA_PX)
+    x, y = error.T
+    weights: DoubleArray = np.maximum(1.0 - (x * x + y * y) / (TUKEY_C * sigma) ** 2, 0.0)
+    weights *= weights
     return weights
 
 
-def _normal(steps: DoubleArray, weights: DoubleArray) -> DoubleArray:
-    flat = steps.reshape(-1, steps.shape[2])
-    normal: DoubleArray = (flat * np.repeat(weights, 2)[:, None]).T @ flat
-    return normal
-
-
-def _right(steps: DoubleArray, weights: DoubleArray, error: DoubleArray) -> DoubleArray:
-    right: DoubleArray = (error * weights[:, None]).reshape(-1) @ steps.reshape(-1, steps.shape[2])
-    return right
+def _median(values: DoubleArray) -> DoubleArray:
+    """Along the first axis; of the two in the middle, where there are two, the upper one."""
+    middle = len(values) // 2
+    median: DoubleArray = np.partition(values, middle, axis=0)[middle]
+    return median
 
 
 def _summary(
     family: ModelFamily, theta: DoubleArray, error: DoubleArray, weights: DoubleArray, steps: DoubleArray,
 ) -> MotionFit | None:
-    normal, inliers = _normal(steps, weights), weights > 0.0
+    normal, inliers = _weighted(steps, weights) @ steps.T, weights > 0.0
     eigenvalues = np.linalg.eigvalsh(normal)
     if not np.isfinite(theta).all() or eigenvalues[0] <= SINGULAR * eigenvalues[-1]:
         return None
