@@ -125,7 +125,7 @@ class Track:
         linear = matrix[:2, :2]
         scale = float(np.sqrt(abs(np.linalg.det(linear))))
         velocity = linear @ [vx, vy]
-        self.state = np.r_[moved + velocity * dt_s, velocity]
+        self.state = np.concatenate([moved + velocity * dt_s, velocity])
         self.size = self.size * scale
         step = np.eye(4)
         step[0, 2] = step[1, 3] = dt_s
@@ -144,7 +144,7 @@ class Track:
         position = self._noise(self.size)
         noise = np.diag([position, position, 36.0 * position, 36.0 * position])
         expected = self.covariance + noise
-        innovation = np.r_[seen.centre, seen.velocity_px_s] - self.state
+        innovation = np.concatenate([seen.centre, seen.velocity_px_s]) - self.state
         self._spread.add(innovation, expected)
         gain = np.linalg.solve(expected, self.covariance).T
         self.state = self.state + gain @ innovation

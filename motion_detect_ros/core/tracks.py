@@ -131,16 +131,21 @@ class Tracker:
         """Track index -> candidate index, least total cost (Kuhn 1955), gated."""
         if not self._tracks or not candidates:
             return {}
-        cost = np.array([[self._cost(track, seen) for seen in candidates] for track in self._tracks])
+        cost = self._cost(candidates)
         rows, columns = linear_sum_assignment(cost)
         return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < FORBIDDEN}
 
-    def _cost(self, track: Track, seen: Candidate) -> float:
-        offset = seen.centre - track.state[:2]
-        reach = 0.5 * (track.size + seen.size) * 0.6 + 3.0 + ASTRAY_DEVIATIONS * track.astray_px
-        distance = float(np.hypot(*(offset / reach)))
-        ratio = abs(float(np.log(seen.size.prod() / track.size.prod())))
-        return distance + 0.25 * ratio if distance < 1.0 and ratio < 1.6 else FORBIDDEN
+    def _cost(self, candidates: list[Candidate]) -> DoubleArray:
+        """(tracks, candidates) distance in units of both sizes, plus a share of how their areas differ."""
+        places = np.array([track.state[:2] for track in self._tracks])
+        sizes = np.array([track.size for track in self._tracks])
+        astray_px = np.array([track.astray_px for track in self._tracks])
+        seen_places, seen_sizes = np.array([seen.centre for seen in candidates]), np.array([s.size for s in candidates])
+        reach = 0.3 * (sizes[:, None] + seen_sizes) + 3.0 + ASTRAY_DEVIATIONS * astray_px[:, None, None]
+        offset = (seen_places - places[:, None]) / reach
+        distance = np.hypot(offset[..., 0], offset[..., 1])
+        ratio = np.abs(np.log(seen_sizes.prod(axis=1) / sizes.prod(axis=1)[:, None]))
+        return np.where((distance < 1.0) & (ratio < 1.6), distance + 0.25 * ratio, FORBIDDEN)
 
     def _confirm(self) -> None:
         for track in self._tracks:

@@ -66,11 +66,11 @@ def field(random: np.random.Generator, unknown_share: float = 0.3) -> MotionFiel
 
 
 @pytest.mark.parametrize('box', BOXES)
-@pytest.mark.parametrize('uniform', [True, False])
-def test_support_is_that_of_the_formula(pair: ImagePair, box: Box, uniform: bool) -> None:
+@pytest.mark.parametrize(('uniform', 'noise'), [(True, 3.0), (False, 3.0), (False, 9.0)])
+def test_support_is_that_of_the_formula(pair: ImagePair, box: Box, uniform: bool, noise: float) -> None:
     x, y = pixels(box)
     still = np.zeros(2) if uniform else np.stack([0.01 * (x - 50.0), 0.02 * (y - 40.0)], axis=-1)
-    noise, threshold = 3.0, 3.0
+    threshold = 3.0
     squares = [cv2.blur(errors(pair, x, y, motion) ** 2, (3, 3)) for motion in (still, MOTION.astype(float))]
     gain = (squares[0] - squares[1]) / noise ** 2
     changed = cv2.dilate((squares[0] > (noise * threshold) ** 2).astype(np.uint8), np.ones((5, 5), np.uint8))
@@ -84,7 +84,7 @@ def test_support_is_that_of_the_formula(pair: ImagePair, box: Box, uniform: bool
     assert found.mask.shape == (box.height, box.width) and found.gain.dtype == np.float32
     assert (np.abs(found.gain - gain) > 0.05).mean() < 0.03  # grey values that lie half-way are rounded up or down
     assert np.count_nonzero(found.mask != mask) <= 0.002 * mask.size
-    assert box.area < 2000 or np.count_nonzero(mask) > 300
+    assert box.area < 2000 or np.count_nonzero(mask) > 200
 
 
 def test_image_noise_is_the_median_error(pair: ImagePair) -> None:

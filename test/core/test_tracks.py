@@ -55,6 +55,23 @@ def test_crossing_objects_keep_their_ids():
     assert by_id[right]['vel_u'] > 100 and len(by_id) == 2
 
 
+def test_costs_of_all_pairs_are_those_of_the_formula():
+    random, tracker = np.random.default_rng(2), Tracker(CONFIG)
+    first, second = ([candidate(*random.uniform(0, [150, 100]), size=random.uniform(10, 40, 2)) for _ in range(count)]
+                     for count in (40, 30))
+    tracker.step(first, np.eye(3), DT_S, 300, 200)
+    tracker.wait(0.01, 300)
+    cost = tracker._cost(second)
+    assert cost.shape == (40, 30) and 50 < (cost < 2.0).sum() < 600
+    for row, track in zip(cost, tracker._tracks, strict=True):
+        assert track.astray_px > 0.0
+        for value, seen in zip(row, second, strict=True):
+            reach = 0.3 * (track.size + seen.size) + 3.0 + 2.0 * track.astray_px
+            (dx, dy), (w, h), (tw, th) = (seen.centre - track.state[:2]) / reach, seen.size, track.size
+            distance, ratio = float(np.hypot(dx, dy)), abs(float(np.log(w * h / (tw * th))))
+            assert value == pytest.approx(distance + 0.25 * ratio if distance < 1.0 and ratio < 1.6 else 1e6)
+
+
 def test_coasts_along_its_prediction_and_then_ends():
     tracker = Tracker(CONFIG)
     for index in range(10):
