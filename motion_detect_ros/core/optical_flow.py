@@ -132,8 +132,10 @@ def both_ways(
     else:
         found = second.pool.submit(one_way, second.flow, earlier, current, guesses[1])
         there, back = one_way(flow, current, earlier, guesses[0]), found.result()
-    return _checked(there, back, np.float32(current.shape[1] / columns), np.float32(current.shape[0] / rows),
-                    np.float32(limit_px ** 2))
+    cell_px = np.array([current.shape[1] / columns, current.shape[0] / rows], np.float32)
+    target = there / cell_px + grid_points(rows, columns, columns, rows)
+    returned = cv2.remap(back, target, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return _checked(there, returned, np.float32(limit_px ** 2))
 
 
 def total_to_residual(flow: FloatArray, matrix: DoubleArray, width: int, height: int) -> FloatArray:
@@ -147,29 +149,15 @@ def total_to_residual(flow: FloatArray, matrix: DoubleArray, width: int, height:
     return residual
 
 
-@numba.njit(cache=True, nogil=True, error_model='numpy')
-def _checked(there, back, cell_x, cell_y, limit_squared):  # type: ignore[no-untyped-def]
-    """``there`` (rows, columns, 2) with NaN where ``back``, linear between cells, does not return; cells in pixels."""
-    rows, columns = there.shape[:2]
+@numba.njit(cache=True, nogil=True)
+def _checked(there, returned, limit_squared):  # type: ignore[no-untyped-def]
+    """``there`` (rows, columns, 2), NaN where ``returned``, the way back from where it leads, does not lead back."""
     checked = np.full(there.shape, np.nan, np.float32)
-    for r in range(rows):
-        for c in range(columns):
-            dx, dy = there[r, c, 0], there[r, c, 1]
-            if not (np.isfinite(dx) and np.isfinite(dy)):
-                continue
-            x = min(max(dx / cell_x + np.float32(c), np.float32(0.0)), np.float32(columns - 1))
-            y = min(max(dy / cell_y + np.float32(r), np.float32(0.0)), np.float32(rows - 1))
-            left, top = int(x), int(y)
-            right, bottom = min(left + 1, columns - 1), min(top + 1, rows - 1)
-            u, v = x - np.float32(left), y - np.float32(top)
-            error, length = np.float32(0.0), dx * dx + dy * dy
-            for axis in range(2):
-                above = back[top, left, axis] + u * (back[top, right, axis] - back[top, left, axis])
-                below = back[bottom, left, axis] + u * (back[bottom, right, axis] - back[bottom, left, axis])
-                returned = above + v * (below - above)
-                miss = there[r, c, axis] + returned
-                error += miss * miss
-                length += returned * returned
+    for r in range(there.shape[0]):
+        for c in range(there.shape[1]):
+            dx, dy, back_x, back_y = there[r, c, 0], there[r, c, 1], returned[r, c, 0], returned[r, c, 1]
+            error = (dx + back_x) * (dx + back_x) + (dy + back_y) * (dy + back_y)
+            length = (dx * dx + dy * dy) + (back_x * back_x + back_y * back_y)
             if error <= limit_squared + np.float32(RETURN_SHARE) * length:
                 checked[r, c, 0], checked[r, c, 1] = dx, dy
     return checked
@@ -183,10 +171,11 @@ def _total(shift, back, scale, width, height):  # type: ignore[no-untyped-def]
     """
     rows, columns = shift.shape[:2]
     flow = np.full(shift.shape, np.nan, np.float32)
+    across, down, half = np.float32(width / columns), np.float32(height / rows), np.float32(0.5)
     for r in range(rows):
-        y = np.float32((r + 0.5) * (height / rows) - 0.5)
+        y = (np.float32(r) + half) * down - half
         for c in range(columns):
-            x = np.float32((c + 0.5) * (width / columns) - 0.5)
+            x = (np.float32(c) + half) * across - half
             px, py = x + shift[r, c, 0] / scale, y + shift[r, c, 1] / scale
             depth = back[2, 0] * px + back[2, 1] * py + back[2, 2]
             from_x = (back[0, 0] * px + back[0, 1] * py + back[0, 2]) / depth
