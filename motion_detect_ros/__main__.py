@@ -15,6 +15,8 @@ from collections.abc import Sequence
 from types import FrameType
 from typing import NoReturn
 
+from motion_detect_ros.allocator import tune_malloc
+
 # FFmpeg and OpenCV print to stderr what we say in one line; both read this when first loaded.
 os.environ.setdefault('OPENCV_FFMPEG_LOGLEVEL', '-8')
 os.environ.setdefault('OPENCV_LOG_LEVEL', 'SILENT')
@@ -43,6 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command, return its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     signal.signal(signal.SIGTERM, _terminate)
+    tune_malloc()
     # Imported here: evaluate and inspect must not wait for numba to load.
     from motion_detect_ros.core.errors import MotionDetectError
     parser = OneLineParser(prog='motion_detect_ros', description='Moving-object detection from a moving camera.')

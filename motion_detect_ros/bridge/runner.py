@@ -11,8 +11,8 @@ from types import FrameType
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
+from motion_detect_ros.allocator import tune_malloc
 from motion_detect_ros.bridge.managed_node import ManagedNode
-from motion_detect_ros.bridge.transport import tune_malloc
 from motion_detect_ros.core.errors import MotionDetectError
 
 WRONG_USE = 2

@@ -41,7 +41,7 @@ converted in 0.07 ms (rgb8) to 0.36 ms (uyvy, bayer).''',
     'transport': '''From the stamp of a 960x540 picture, taken just before it is published, to its detections in the
 process that published it. Compute: sum of the medians that the nodes report themselves; beyond: what is left of the
 median latency, waiting for a busy stage included. All processes share the cores. Fast DDS profile and allocator
-settings as shipped (`bridge/transport.py`).''',
+settings as shipped (`bridge/transport.py`, `allocator.py`).''',
     'start': 'Seconds from the start of the process `pipeline` to its first message, while pictures come.',
     'memory': 'Resident memory of `pipeline`, fed with 960x540 at 20 Hz.',
 }

@@ -96,13 +96,11 @@ def backgrounds(preset: str, frames: int) -> list[Ratio]:
 
 
 def codec_times() -> list[Timing]:
-    """A 1280x720 bgr8 image to a message and back; with the allocator as the nodes set it."""
+    """A 1280x720 bgr8 image to a message and back."""
     try:
         from motion_detect_ros.bridge.images import header_of, image_from_msg, image_to_msg
-        from motion_detect_ros.bridge.transport import tune_malloc
     except ModuleNotFoundError as error:
         raise BackendError(f'bench: expected an installation of ROS 2, but {error.name} is missing') from None
-    tune_malloc()
     image = np.zeros((720, 1280, 3), np.uint8)
     header = header_of(0, 'camera')
     message = image_to_msg(image, header)

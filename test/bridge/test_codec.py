@@ -12,6 +12,7 @@ from builtin_interfaces.msg import Time
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
 
+from motion_detect_ros.allocator import tune_malloc
 from motion_detect_ros.bridge.images import (
     camera_from_msg,
     camera_to_msg,
@@ -23,7 +24,6 @@ from motion_detect_ros.bridge.images import (
     stamp_ns,
     stamp_of,
 )
-from motion_detect_ros.bridge.transport import tune_malloc
 from motion_detect_ros.core.errors import MessageError
 from motion_detect_ros.core.types import CameraModel, FlowField
 

@@ -11,8 +11,9 @@ from typing import Any
 
 import pytest
 
+from motion_detect_ros.allocator import VARIABLES
 from motion_detect_ros.bridge import topics
-from motion_detect_ros.bridge.transport import MALLOC, PROFILE_VARIABLE
+from motion_detect_ros.bridge.transport import PROFILE_VARIABLE
 from motion_detect_ros.presets import NODE_PARAMETERS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -96,7 +97,7 @@ def test_arguments_passed_on_are_declared_there():
 
 
 def test_the_transport_environment_is_set_whole():
-    assert {PROFILE_VARIABLE, *MALLOC} <= literals([ast.parse(DETECT.read_text())])
+    assert {PROFILE_VARIABLE, *VARIABLES} <= literals([ast.parse(DETECT.read_text())])
 
 
 def actions(path: Path, **arguments: str) -> tuple[list[Any], dict[str, str]]:
