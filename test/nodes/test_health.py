@@ -95,8 +95,9 @@ def test_stage_with_a_long_queue_says_that_it_lags(peer, start):
     large = CompressedImage(format='jpeg', data=jpeg.tobytes())
 
     def said() -> bool:
-        large.header.stamp.nanosec += 1_000_000
-        publisher.publish(large)
+        for _ in range(4):  # far faster than any machine computes them
+            large.header.stamp.nanosec += 1_000_000
+            publisher.publish(large)
         return any(level == WARN and 'images wait' in text for level, text in health.reports)
 
     assert peer.until(said, 10.0)

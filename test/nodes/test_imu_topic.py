@@ -67,7 +67,7 @@ def offline(path: Path) -> list[EgoMotion]:
 def test_node_and_replay_agree_and_blank_pictures_turn_as_the_gyro_says(peer, start, tmp_path, node):
     write_flight(tmp_path / 'flight.mcap')
     answers = peer.listen(PointCloud2, 'ego_motion')
-    start(node, *small('imu.use:=true'))
+    start(node, *small('imu.use:=true', 'queue_size:=30'))
     assert peer.until(lambda: peer.node.count_subscribers('imu') == 1)
     player = start('bag_player', '-p', f'bag:={tmp_path / "flight.mcap"}', '-p', 'wait_for_subscribers:=1')
     assert peer.until(lambda: player.poll() is not None)
