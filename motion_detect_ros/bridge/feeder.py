@@ -16,6 +16,7 @@ from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from sensor_msgs.msg import Image, PointCloud2
 
+from motion_detect_ros.bridge import transport
 from motion_detect_ros.bridge.images import header_of, image_to_msg, stamp_ns
 from motion_detect_ros.bridge.qos import image_qos
 
@@ -34,11 +35,14 @@ class Answer:
 class Feeder:
     """Publishes ``image_raw`` and hears ``detections`` and ``/diagnostics``; use as a context manager.
 
+    Its process gets the shipped transport, as a camera node has it.
+
     images: (H, W) or (H, W, 3) uint8 each, played forwards and backwards in turn, so that the motion stays smooth.
     """
 
     def __init__(self, domain_id: int, images: Sequence[npt.NDArray[np.uint8]], rate_hz: float) -> None:
         self._images, self._rate_hz = images, rate_hz
+        transport.use_here()
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain_id)
         self._node = rclpy.create_node('feeder', context=self._context)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from motion_detect_ros.allocator import VARIABLES
+from motion_detect_ros.allocator import VARIABLES, tune_malloc
 from motion_detect_ros.presets import find_config
 
 PROFILE_VARIABLE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
@@ -16,6 +16,12 @@ def environment() -> dict[str, str]:
     ours = {PROFILE_VARIABLE: str(find_config(PROFILE_NAME)),
             **{name: str(value) for name, value in VARIABLES.items()}}
     return {**ours, **os.environ}
+
+
+def use_here() -> None:
+    """The same for this process, for participants that are yet to be made."""
+    os.environ.update(environment())
+    tune_malloc()
 
 
 def profile_set() -> bool:

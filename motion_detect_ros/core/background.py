@@ -59,6 +59,8 @@ class Background:
             reached = hidden & (share > MIN_FILL_SHARE)
             filled[reached] = (cv2.blur(known, (size, size))[reached]) / share[reached][:, None]
             hidden &= ~reached
+            if not hidden.any():
+                break
         return Background(filled, self.sigma_px, smooth=False)
 
 

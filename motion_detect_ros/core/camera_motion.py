@@ -95,7 +95,7 @@ def _only_motion(
     Where the camera travels slowly, RANSAC's inliers are nearly all tracks under many a motion: those that the
     dominant plane allows are tried too.
     """
-    found = estimate_motion(q, p, focal_px, last)
+    found = estimate_motion(q, p, np.ones(len(q), bool), focal_px, last)
     if found is None:
         return None
     motions = [found, *(refine_motion(q, p, start, focal_px) for start in _through_a_plane(q, p, focal_px))]

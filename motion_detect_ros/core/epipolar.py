@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from motion_detect_ros.core.types import CameraModel, DoubleArray, FloatArray
+from motion_detect_ros.core.types import BoolArray, CameraModel, DoubleArray, FloatArray
 
 #: Correspondences used at most, and needed at least.
 MAX_SAMPLES, MIN_SAMPLES = 1500, 60
@@ -22,8 +22,8 @@ INLIER_PX = 1.0
 TRUSTED_SHARE = 0.7
 #: Re-weighting rounds, Tukey's constant, and the smallest deviation the weights assume, pixels.
 REFINE_ROUNDS, TUKEY_C, MIN_SIGMA_PX = 8, 4.685, 0.15
-#: Step of the numerical derivative, radians.
-STEP_RAD = 1e-6
+#: Steps below this end the rounds, radians; added to the squared length of a line's direction, which may be zero.
+SMALL_RAD, LENGTH_FLOOR = 1e-6, 1e-6
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,9 @@ class EpipolarLines:
 
     def position(self, points: DoubleArray) -> DoubleArray:
         """The s of the place on each line that is closest to ``points``; negative = nowhere in front of the camera."""
-        length = np.maximum((self.towards ** 2).sum(axis=-1), 1e-12)
-        s: DoubleArray = ((points - self.far) * self.towards).sum(axis=-1) / length
+        vx, vy = self.towards[..., 0], self.towards[..., 1]
+        away = points - self.far
+        s: DoubleArray = (away[..., 0] * vx + away[..., 1] * vy) / np.maximum(vx * vx + vy * vy, 1e-12)
         return s
 
     def inverse_depth(self, s: DoubleArray) -> DoubleArray:
@@ -87,15 +88,17 @@ def epipolar_lines(earlier: DoubleArray, motion: CameraMotion) -> EpipolarLines:
 
 
 def estimate_motion(
-    earlier: DoubleArray, current: DoubleArray, focal_px: float, start: CameraMotion | None = None,
+    earlier: DoubleArray, current: DoubleArray, known: BoolArray, focal_px: float, start: CameraMotion | None = None,
 ) -> CameraMotion | None:
     """Rotation and direction that the most correspondences agree with; None with too few of them.
 
-    earlier, current: (N, 2) normalised. ``start``, the motion of the frame before, saves the search where it leads to
-    enough agreement; else the essential matrix by RANSAC with MAGSAC++ scoring (Nister 2004; Barath et al. 2020).
+    earlier, current: (..., 2) normalised; known: (...,) which of them count. ``start``, the motion of the frame before,
+    saves the search where it leads to enough agreement; else the essential matrix by RANSAC with MAGSAC++ scoring
+    (Nister 2004; Barath et al. 2020).
     """
-    step = max(1, len(earlier) // MAX_SAMPLES)
-    q, p = earlier[::step], current[::step]
+    used = np.flatnonzero(known)
+    used = used[::max(1, used.size // MAX_SAMPLES)]
+    q, p = earlier.reshape(-1, 2)[used], current.reshape(-1, 2)[used]
     if len(q) < MIN_SAMPLES:
         return None
     if start is not None:
@@ -119,37 +122,53 @@ def refine_motion(q: DoubleArray, p: DoubleArray, start: CameraMotion, focal_px:
     """Gauss-Newton on the five parameters, Tukey-weighted distances to the epipolar lines (IRLS)."""
     rotation, direction = start.rotation, start.direction
     for _ in range(REFINE_ROUNDS):
-        error = _line_distance(q, p, rotation, direction)
-        jacobian = np.stack([
-            (_line_distance(q, p, *_moved(rotation, direction, small)) - error) / STEP_RAD
-            for small in STEP_RAD * np.eye(5)], axis=1)
+        tilts = _tilts(direction)
+        error, jacobian = _linearised(q, p, rotation, direction, tilts)
         sigma = max(MIN_SIGMA_PX / focal_px, 1.4826 * float(np.median(np.abs(error))))
         weight = np.clip(1.0 - (error / (TUKEY_C * sigma)) ** 2, 0.0, None) ** 2
-        weighted = jacobian * weight[:, None]
-        step = -np.asarray(np.linalg.solve(weighted.T @ jacobian + 1e-9 * np.eye(5), weighted.T @ error), np.float64)
-        rotation, direction = _moved(rotation, direction, step)
-        if np.abs(step).max() < STEP_RAD:
+        weighted = jacobian * weight
+        step = -np.asarray(np.linalg.solve(weighted @ jacobian.T + 1e-9 * np.eye(5), weighted @ error), np.float64)
+        rotation = np.asarray(cv2.Rodrigues(step[:3])[0], np.float64) @ rotation
+        direction = direction + step[3:] @ tilts
+        direction /= np.linalg.norm(direction)
+        if np.abs(step).max() < SMALL_RAD:
             break
-    agreeing = np.abs(_line_distance(q, p, rotation, direction)) * focal_px < INLIER_PX
+    agreeing = np.abs(_linearised(q, p, rotation, direction, _tilts(direction))[0]) * focal_px < INLIER_PX
     motion = CameraMotion(rotation, direction, float(agreeing.mean()))
     if np.median(epipolar_lines(q, motion).position(p)) < 0.0:
         motion = CameraMotion(rotation, -direction, motion.inlier_share)
     return motion
 
 
-def _line_distance(q: DoubleArray, p: DoubleArray, rotation: DoubleArray, direction: DoubleArray) -> DoubleArray:
-    """(N,) signed distance of p to its epipolar line, normalised units."""
-    lines = epipolar_lines(q, CameraMotion(rotation, direction, 0.0))
-    away, v = p - lines.far, lines.towards
-    distance: DoubleArray = (away[:, 0] * v[:, 1] - away[:, 1] * v[:, 0]) / np.sqrt((v * v).sum(axis=1) + 1e-6)
-    return distance
-
-
-def _moved(rotation: DoubleArray, direction: DoubleArray, step: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
-    """A small turn (step[:3], radians) of the camera and tilt (step[3:]) of the direction."""
-    helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
-    one = np.cross(direction, helper)
+def _tilts(direction: DoubleArray) -> DoubleArray:
+    """(2, 3) two ways to tilt a unit vector, at right angles to it and to each other."""
+    x, y, z = direction
+    one = np.array([0.0, z, -y] if abs(x) < 0.6 else [-z, 0.0, x])
     one /= np.linalg.norm(one)
-    tilted = direction + step[3] * one + step[4] * np.cross(direction, one)
-    turned: DoubleArray = cv2.Rodrigues(step[:3])[0] @ rotation
-    return turned, tilted / np.linalg.norm(tilted)
+    return np.stack([one, np.cross(direction, one)])
+
+
+def _linearised(
+    q: DoubleArray, p: DoubleArray, rotation: DoubleArray, direction: DoubleArray, tilts: DoubleArray,
+) -> tuple[DoubleArray, DoubleArray]:
+    """(N,) signed distance of p to its epipolar line, normalised units, and (5, N) its derivative.
+
+    The derivative is by a small turn of the camera (three angles, radians) and by the two ``tilts`` of the direction.
+    With f = (far, 1) the distance is f . (p x t) over the length of the line's direction vector v.
+    """
+    (x, y, z), (px, py) = direction, p.T
+    fx, fy, depth = rotation[:, :2] @ q.T + rotation[:, 2:]
+    fx, fy = fx / depth, fy / depth
+    vx, vy = x - z * fx, y - z * fy
+    gx, gy, gz = z * py - y, x - z * px, y * px - x * py  # p x t
+    area = fx * gx + fy * gy + gz
+    per_turn = np.stack([fy * gz - gy - area * fy, gx - fx * gz + area * fx, fx * gy - fy * gx])
+    per_tilt = tilts @ np.stack([fy - py, px - fx, fx * py - fy * px])
+    stretch_turn = -z * np.stack([-vx * fx * fy - vy * (1.0 + fy * fy), vx * (1.0 + fx * fx) + vy * fx * fy,
+                                  vy * fx - vx * fy])
+    stretch_tilt = tilts @ np.stack([vx, vy, -vx * fx - vy * fy])
+    squared = vx * vx + vy * vy + LENGTH_FLOOR
+    distance = area / np.sqrt(squared)
+    slope = np.concatenate([per_turn, per_tilt]) / np.sqrt(squared)
+    slope -= np.concatenate([stretch_turn, stretch_tilt]) * (distance / squared)
+    return distance, slope

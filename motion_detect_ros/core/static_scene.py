@@ -48,13 +48,13 @@ def fit_static_scene(
     points = grid_points(flow.shape[0], flow.shape[1], camera.width, camera.height)
     known = np.isfinite(residual[..., 0])
     now, earlier = normalised(points, camera), normalised(points - flow, camera)
-    motion = estimate_motion(earlier[known], now[known], camera.fx, start)
+    motion = estimate_motion(earlier, now, known, camera.fx, start)
     if motion is None:
         return None
     lines = epipolar_lines(earlier, motion)
     s = lines.position(now)
-    ground = ground_below(earlier, lines.inverse_depth(s), np.hypot(*np.moveaxis(lines.towards, -1, 0)) * camera.fx,
-                          known & (now[..., 1] > 0.0))
+    reach_px = np.hypot(lines.towards[..., 0], lines.towards[..., 1]) * camera.fx
+    ground = ground_below(earlier, lines.inverse_depth(s), reach_px, known & (now[..., 1] > 0.0))
     least = ground.least_inverse_depth(earlier) if ground else np.zeros_like(s)
     own = (now - lines.at(np.maximum(s, lines.from_inverse_depth(least)))) * [camera.fx, camera.fy]
     sigma = max(config.noise_floor_px, rayleigh_sigma(np.hypot(own[..., 0], own[..., 1])[known]))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from street import CAMERA, flow, motion, pixels, street_depth
 
+from motion_detect_ros.core import epipolar
 from motion_detect_ros.core.epipolar import CameraMotion, epipolar_lines, estimate_motion, normalised
 
 DRIVES = {
@@ -27,6 +29,10 @@ def _seen(drive: str, noise_px: float = 0.0, outliers: float = 0.0):
     return normalised(earlier, CAMERA).reshape(-1, 2), normalised(now, CAMERA).reshape(-1, 2), rotation, translation
 
 
+def _estimate(earlier: np.ndarray, now: np.ndarray, start: CameraMotion | None = None) -> CameraMotion | None:
+    return estimate_motion(earlier, now, np.ones(len(earlier), bool), CAMERA.fx, start)
+
+
 def _turn_error_deg(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.clip((np.trace(a.T @ b) - 1.0) / 2.0, -1.0, 1.0))))
 
@@ -38,7 +44,7 @@ def _direction_error_deg(found: CameraMotion, translation: np.ndarray) -> float:
 @pytest.mark.parametrize('drive', DRIVES)
 def test_motion_is_exact_on_exact_points(drive: str):
     earlier, now, rotation, translation = _seen(drive)
-    found = estimate_motion(earlier, now, CAMERA.fx)
+    found = _estimate(earlier, now)
     assert _turn_error_deg(found.rotation, rotation) < 0.01
     assert _direction_error_deg(found, translation) < 0.2
     assert found.inlier_share > 0.99
@@ -47,7 +53,7 @@ def test_motion_is_exact_on_exact_points(drive: str):
 @pytest.mark.parametrize('drive', DRIVES)
 def test_motion_survives_noise_and_a_quarter_of_outliers(drive: str):
     earlier, now, rotation, translation = _seen(drive, noise_px=0.2, outliers=0.25)
-    found = estimate_motion(earlier, now, CAMERA.fx)
+    found = _estimate(earlier, now)
     assert _turn_error_deg(found.rotation, rotation) < 0.1
     assert _direction_error_deg(found, translation) < 3.0
     assert 0.6 < found.inlier_share < 0.95
@@ -57,7 +63,7 @@ def test_motion_of_the_frame_before_is_a_good_start():
     earlier, now, rotation, translation = _seen('curve', noise_px=0.2)
     before = CameraMotion(*motion((0.0, 0.028, 0.0), (0.0, 0.0, -1.0)), 0.9)
     before = CameraMotion(before.rotation, before.direction / np.linalg.norm(before.direction), 0.9)
-    found = estimate_motion(earlier, now, CAMERA.fx, before)
+    found = _estimate(earlier, now, before)
     assert _turn_error_deg(found.rotation, rotation) < 0.1
     assert _direction_error_deg(found, translation) < 3.0
 
@@ -65,12 +71,40 @@ def test_motion_of_the_frame_before_is_a_good_start():
 def test_wrong_start_is_not_kept():
     earlier, now, rotation, _ = _seen('curve')
     wrong = CameraMotion(motion((0.3, -0.4, 0.2), (0.0, 0.0, 1.0))[0], np.array([1.0, 0.0, 0.0]), 0.9)
-    assert _turn_error_deg(estimate_motion(earlier, now, CAMERA.fx, wrong).rotation, rotation) < 0.05
+    assert _turn_error_deg(_estimate(earlier, now, wrong).rotation, rotation) < 0.05
+
+
+@pytest.mark.parametrize('drive', DRIVES)
+def test_derivative_of_the_line_distance_is_that_of_differences(drive: str):
+    earlier, now, rotation, translation = _seen(drive, noise_px=2.0)
+    direction = translation / np.linalg.norm(translation)
+    tilts = epipolar._tilts(direction)
+    assert np.allclose(np.vstack([direction, tilts]) @ np.vstack([direction, tilts]).T, np.eye(3), atol=1e-12)
+
+    def distance(step: np.ndarray) -> np.ndarray:
+        """By the definition: from the point to its line."""
+        tilted = direction + step[3:] @ tilts
+        lines = epipolar_lines(earlier, CameraMotion(cv2.Rodrigues(step[:3])[0] @ rotation, tilted, 1.0))
+        away, along = now - lines.far, lines.towards
+        return (away[:, 0] * along[:, 1] - away[:, 1] * along[:, 0]) / np.sqrt((along ** 2).sum(axis=1) + 1e-6)
+
+    found, slope = epipolar._linearised(earlier, now, rotation, direction, tilts)
+    assert np.allclose(found, distance(np.zeros(5)), atol=1e-12)
+    small = 1e-6 * np.eye(5)
+    differences = np.array([(distance(step) - distance(-step)) / 2e-6 for step in small])
+    assert np.allclose(slope, differences, atol=1e-5 * np.abs(differences).max())
 
 
 def test_too_few_points_give_no_motion():
     earlier, now, _, _ = _seen('straight')
-    assert estimate_motion(earlier[:20], now[:20], CAMERA.fx) is None
+    assert _estimate(earlier[:20], now[:20]) is None
+
+
+def test_points_that_are_not_known_do_not_count():
+    earlier, now, rotation, _ = _seen('curve')
+    known = np.arange(len(earlier)) % 3 == 0
+    wrong = np.where(known[:, None], earlier, 0.3)
+    assert _turn_error_deg(estimate_motion(wrong, now, known, CAMERA.fx).rotation, rotation) < 0.01
 
 
 def test_inverse_depth_is_that_of_the_scene():
