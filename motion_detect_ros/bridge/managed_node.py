@@ -110,6 +110,8 @@ class ManagedNode(LifecycleNode):
         super().on_activate(state)
         result = self._attempt(self.begin)
         self.active = result == TransitionCallbackReturn.SUCCESS
+        if not self.active:
+            self._leave()
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:

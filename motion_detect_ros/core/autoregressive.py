@@ -19,8 +19,8 @@ from motion_detect_ros.core.types import DoubleArray
 WEIGHT_VARIANCE = 1.0
 #: Share of the measurement's variance that the prediction's never falls under.
 MIN_SHARE = 0.05
-#: Share that the guess of the error, an acceleration of the process noise, keeps from frame to frame.
-GUESS_KEPT = 0.8
+#: Share that the guess of the error, an acceleration of the process noise, keeps from frame to frame, and its least.
+GUESS_KEPT, MIN_GUESS = 0.8, 1e-6
 #: Change of the frame period from which the weights do not apply any more.
 MAX_PERIOD_RATIO = 1.5
 
@@ -119,4 +119,4 @@ class ParameterAutoregression:
         self._errors = self._keep * self._errors + innovation ** 2
         self._noise = self._keep * self._noise + variance
         self._count = self._keep * self._count + 1.0
-        self._guess *= GUESS_KEPT
+        self._guess = max(GUESS_KEPT * self._guess, MIN_GUESS)

@@ -40,7 +40,7 @@ class ClusteringStage:
         self._scene = SceneModel(config.background)
         self._detector = MotionDetector(config)
         self._tracker = Tracker(config.tracks)
-        self._stamp_ns: int | None = None
+        self._last: PreparedFrame | None = None
 
     @property
     def neurons(self) -> int:
@@ -53,22 +53,22 @@ class ClusteringStage:
         self._scene.reset()
         self._detector.reset()
         self._tracker.reset()
-        self._stamp_ns = None
+        self._last = None
 
     def process(self, frame: PreparedFrame, flow: FlowField, ego: EgoMotion) -> RecordArray:
         """Confirmed moving objects in ``frame``, dtype ``DETECTION_DTYPE``; empty where there is no ego-motion."""
         earlier = self._memory.step(frame, ego)
-        if ego.status in STARTS_ANEW:
+        last, self._last = self._last, frame
+        if ego.status in STARTS_ANEW or (last is not None and _unlike(last, frame)):
             self._tracker.reset()
-        elif self._stamp_ns is not None and self._stamp_ns < ego.prev_stamp_ns:
-            self._tracker.wait((ego.prev_stamp_ns - self._stamp_ns) / NANOSECONDS, frame.width)
-        self._stamp_ns = frame.stamp_ns
+        elif last is not None and last.stamp_ns < ego.prev_stamp_ns:
+            self._tracker.wait((ego.prev_stamp_ns - last.stamp_ns) / NANOSECONDS, frame.width)
         if earlier is None:
             self._tracker.skip(ego.matrix if ego.ok else None, ego.dt_s, frame.width, frame.height)
             return empty_detections()
         candidates = self._candidates(frame, earlier, flow)
         records = self._tracker.step(candidates, ego.matrix, ego.dt_s, frame.width, frame.height, frame.gray)
-        return bearings(records, self.camera)
+        return bearings(records, self.camera and self.camera.resized(frame.width, frame.height))
 
     def _candidates(self, frame: PreparedFrame, earlier: Earlier, flow: FlowField) -> list[Candidate]:
         residual = total_to_residual(flow.flow, earlier.matrix, flow.width, flow.height)
@@ -83,3 +83,8 @@ class ClusteringStage:
         if self.camera is None:
             return guessed_camera(flow.width, flow.height, self._config.background.focal_share)
         return self.camera.resized(flow.width, flow.height)
+
+
+def _unlike(last: PreparedFrame, frame: PreparedFrame) -> bool:
+    """Whether the clock or the size jumped between them, which the frame whose status said so may not have lived to."""
+    return frame.stamp_ns <= last.stamp_ns or (frame.width, frame.height) != (last.width, last.height)

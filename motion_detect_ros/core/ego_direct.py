@@ -43,7 +43,7 @@ class DirectMethod:
         matrix = np.eye(3) if prior is None else at_scale(prior, frame.scale)
         top = np.linalg.matrix_power(HALF, len(levels) - 1)
         found = self._coarse_to_fine(templates, [later for _, later, _ in levels], top @ matrix @ np.linalg.inv(top))
-        if found is None or found.correlation < MIN_CORRELATION:
+        if found is None or not found.correlation >= MIN_CORRELATION:
             return Measured(None, EgoStatus.DEGENERATE, pixels)
         fit = _at_full_size(found, frame, self._family)
         if not believable(fit, centre_of(frame)):

@@ -55,7 +55,8 @@ class FlowMethod:
         shift = both_ways(self._flow, earlier, frame.gray, rows, columns, self._config.forward_backward_px)
         here = grid_points(rows, columns, frame.width, frame.height)
         points = apply(inverse(matrix), here)
-        asked = _textured(earlier, rows, columns) & _seen(previous.mask, earlier.shape, at_work, rows, columns)
+        asked = _textured(earlier, rows, columns) & _textured(frame.gray, rows, columns)
+        asked &= _seen(previous.mask, earlier.shape, at_work, rows, columns)
         use = asked & np.isfinite(shift[..., 0])
         count = int(use.sum())
         if asked.sum() < MIN_TRACKS:

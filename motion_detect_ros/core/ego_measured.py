@@ -52,7 +52,7 @@ def believable(fit: MotionFit | None, centre: DoubleArray) -> bool:
     """Whether enough points agree, the motion is determined, and a camera can move like that."""
     if fit is None or fit.inliers.sum() < MIN_INLIERS:
         return False
-    if np.diag(fit.covariance).max() > MAX_SIGMA_PX ** 2:
+    if not np.diag(fit.covariance).max() <= MAX_SIGMA_PX ** 2:  # NaN is not believable
         return False
     low, high = DETERMINANT_RANGE
     return bool(low < np.linalg.det(theta_matrix(fit.theta, centre)[:2, :2]) < high)

@@ -2,7 +2,7 @@
 
 A static point seen at q in the earlier frame appears, once the camera's rotation R is taken out, on the half-line from
 p0 = R q (infinitely far) towards the epipole: p(s) = p0 + s (t_xy - t_z p0), s >= 0, in normalised coordinates
-(Longuet-Higgins 1981; Hartley and Zisserman 2003, section 9.6). s grows with inverse depth.
+(Longuet-Higgins 1981; Hartley and Zisserman 2004, section 9.6). s grows with inverse depth.
 """
 
 from __future__ import annotations

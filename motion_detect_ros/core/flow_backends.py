@@ -6,6 +6,7 @@ Every method gives the displacement from the current image to the earlier one, s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Protocol
 
@@ -25,6 +26,8 @@ FARNEBACK = (0.5, 5, 15, 3, 5, 1.1)
 LK_GRID_PX, LK_WINDOW_PX, LK_LEVELS = 6, 15, 4
 #: Rounds and smoothness of the variational refinement at full resolution (Brox et al. 2004).
 VARIATIONAL_ROUNDS, VARIATIONAL_SMOOTHNESS = 3, 10.0
+#: Finest level of DIS that any picture allows, and the side that allows level 1, twice that for every level more.
+SAFE_FINEST_SCALE, SAFE_SIDE_PX = 2, 16
 
 
 class FlowFunction(Protocol):
@@ -67,15 +70,17 @@ class Dis:
         """As ``FlowFunction``; ``start`` is one more candidate for every patch."""
         # OpenCV's changes its own parameters for small pictures and keeps them; it keeps a first guess, too.
         if current.shape != self._size or (self._guessed and start is None):
-            self._dis, self._size = self._make(), current.shape
+            self._dis, self._size = self._make(min(current.shape)), current.shape
         self._guessed = start is not None
         flow: FloatArray = self._dis.calc(current, earlier, None if start is None else start.copy())
         return flow
 
-    def _make(self) -> cv2.DISOpticalFlow:
+    def _make(self, side_px: int) -> cv2.DISOpticalFlow:
         dis = cv2.DISOpticalFlow_create(self._preset)
         if self._finest_scale is not None:
-            dis.setFinestScale(self._finest_scale)
+            # OpenCV 5.0 writes beyond its arrays where a picture is small for a finest level over 2.
+            safe = max(SAFE_FINEST_SCALE, int(math.log2(side_px / SAFE_SIDE_PX)))
+            dis.setFinestScale(min(self._finest_scale, safe))
         if self._refinement_iterations is not None:
             dis.setVariationalRefinementIterations(self._refinement_iterations)
         if self._smoothness is not None:

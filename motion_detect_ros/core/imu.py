@@ -40,13 +40,16 @@ class GyroBuffer:
     def add(self, stamp_ns: int, rate: DoubleArray) -> None:
         """One sample. stamp_ns: of the IMU's clock; rate: (3,) rad/s in the IMU's frame.
 
-        A sample that is not finite is left out; one that is not later than the last begins a new recording.
+        A sample that is not finite is left out; one as late as the last is left out, too, one that is earlier
+        begins a new recording.
         """
         measured = np.asarray(rate, np.float64)
         if measured.shape != (3,) or not np.isfinite(measured).all():
             return
         stamp_ns += self._offset_ns
-        if self._samples and stamp_ns <= self._samples[-1][0]:
+        if self._samples and stamp_ns == self._samples[-1][0]:
+            return
+        if self._samples and stamp_ns < self._samples[-1][0]:
             self._samples.clear()
         self._samples.append((stamp_ns, self._to_optical.apply(measured)))
 

@@ -17,6 +17,8 @@ from motion_detect_ros.core.types import NANOSECONDS, CameraModel, DoubleArray, 
 
 #: Width of the scratch pictures at least; they are shrunk like any other.
 MIN_WARM_UP_PX = 480
+#: Hits after which its object is confirmed, at most.
+WARM_UP_HITS = 3
 
 
 class MotionPipeline:
@@ -76,12 +78,14 @@ class MotionPipeline:
 def warm_up(config: PipelineConfig) -> None:
     """Compile (or load from the cache) every kernel and touch the memory, so that no real frame has to wait."""
     seen = replace(config.preprocessing, ignore_top_px=0, ignore_regions='')  # made for pictures of another size
-    pipeline = MotionPipeline(replace(config, preprocessing=seen))
+    hits = min(WARM_UP_HITS, config.tracks.confirm_hits)
+    tracks = replace(config.tracks, confirm_hits=hits, confirm_frames=max(hits, config.tracks.confirm_frames))
+    pipeline = MotionPipeline(replace(config, preprocessing=seen, tracks=tracks))
     width = max(MIN_WARM_UP_PX, config.preprocessing.max_width_px)
     random = np.random.default_rng(0)
     ground = random.integers(0, 255, (width * 9 // 16, width), np.uint8)
     thing = random.integers(0, 255, (40, 40), np.uint8)
-    for index in range(config.tracks.confirm_hits + 2):
+    for index in range(hits + 2):
         image = ground.copy()
         left = 40 + 6 * index
         image[60:100, left:left + 40] = thing

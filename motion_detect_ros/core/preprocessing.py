@@ -42,7 +42,7 @@ class Preprocessor:
         gray = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         scale = min(1.0, self._config.max_width_px / width)
         if scale < 1.0:
-            size = (round(width * scale), round(height * scale))
+            size = (round(width * scale), max(1, round(height * scale)))
             gray = cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
         if min(gray.shape) < MIN_SIDE_PX:
             raise FrameError(f'image: expected at least {MIN_SIDE_PX} px a side at working resolution, '
@@ -51,7 +51,7 @@ class Preprocessor:
             gray = cv2.medianBlur(gray, self._config.median_kernel_px | 1)
         if self._config.mean_shift_px > 0:
             gray = mean_shift(gray, self._config.mean_shift_px, self._config.mean_shift_gray)
-        gray = _as_bytes(gray)
+        gray = _own_bytes(gray, image)
         return PreparedFrame(gray, scale, width, height, stamp_ns, self._mask(gray, width, height, stamp_ns))
 
     def _mask(self, gray: ByteArray, width: int, height: int, stamp_ns: int) -> BoolArray | None:
@@ -91,5 +91,7 @@ def _checked_size(image: npt.NDArray[np.uint8]) -> tuple[int, int]:
     return image.shape[0], image.shape[1]
 
 
-def _as_bytes(image: npt.NDArray[np.generic]) -> ByteArray:
-    return np.ascontiguousarray(image, dtype=np.uint8)
+def _own_bytes(gray: npt.NDArray[np.generic], image: npt.NDArray[np.uint8]) -> ByteArray:
+    """Contiguous, and not the memory of ``image``: later frames look back, the caller may fill it anew."""
+    made = np.ascontiguousarray(gray, dtype=np.uint8)
+    return made.copy() if np.may_share_memory(made, image) else made

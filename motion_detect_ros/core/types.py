@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -72,8 +74,20 @@ class CameraModel:
     cx: float
     cy: float
 
+    @classmethod
+    def of(cls, width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> CameraModel | None:
+        """The camera; None where the figures are no calibration: not finite, or a focal length under a pixel."""
+        if not all(math.isfinite(value) for value in (fx, fy, cx, cy)) or min(fx, fy) < 1.0:
+            return None
+        return cls(width, height, fx, fy, cx, cy)
+
     def resized(self, width: int, height: int) -> CameraModel:
-        """The same camera read out at another size; pixel centres sit at whole numbers."""
+        """The same camera read out at another size; pixel centres sit at whole numbers.
+
+        A camera that does not tell its size is taken for one of this size.
+        """
+        if not self.width or not self.height:
+            return dataclasses.replace(self, width=width, height=height)
         if (width, height) == (self.width, self.height):
             return self
         across, down = width / self.width, height / self.height

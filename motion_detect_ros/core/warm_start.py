@@ -22,6 +22,7 @@ def carried(shift: FloatArray, matrix: DoubleArray, width: int, height: int) -> 
     cells = (before + 0.5) * np.array([columns / width, rows / height], np.float32) - 0.5
     known = cv2.remap(np.nan_to_num(shift), cells.astype(np.float32), None, cv2.INTER_LINEAR)
     moved: FloatArray = apply(matrix, before + known) - points
+    moved[~np.isfinite(moved).all(axis=-1)] = 0.0  # OpenCV's DIS does not survive any other first guess
     return moved
 
 

@@ -20,6 +20,8 @@ from motion_detect_ros.sources.bags import BagReader, RawMessage, TopicInfo
 UNKNOWN_AGE_MS = float('nan')
 #: Messages this late are no longer played at the recorded pace, seconds.
 LATE_S = 0.1
+#: Between two rounds of a loop, seconds.
+LOOP_PAUSE_S = 0.01
 #: Said once and heard by whoever comes later.
 STATIC_TRANSFORMS = 'tf_static'
 
@@ -56,8 +58,10 @@ class BagPlayerNode(SourceNode):
         """Play, again and again where ``loop`` says so."""
         if self._images:
             self.await_subscribers(self._listeners, lambda: self._ticks.listeners)
+        if not self._publishers_of:
+            raise SourceError(f'{self._bag}: expected a topic whose type is installed, got none')
         self._play_once()
-        while self._loop and not self.stopped.is_set():
+        while self._loop and not self.stopped.wait(LOOP_PAUSE_S):
             self._play_once()
 
     def condition(self) -> Condition:

@@ -27,7 +27,6 @@ from motion_detect_ros.bridge.topics import (
     TopicPublisher,
 )
 from motion_detect_ros.core.drawing import draw_detections, flow_to_color
-from motion_detect_ros.core.errors import MotionDetectError
 
 #: How often it looks whether someone listens, seconds; images that may wait for their detections.
 LOOK_PERIOD_S = 0.5
@@ -131,7 +130,7 @@ class OverlayNode(ManagedNode):
         start = time.perf_counter()
         try:
             action()
-        except MotionDetectError as error:
+        except Exception as error:  # whatever it is, the next picture may be in order
             self.bad_input(error)
             return
         latency_ms = 1e3 * (time.perf_counter() - start)

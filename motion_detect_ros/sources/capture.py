@@ -147,6 +147,8 @@ class Capture:
                 self._offer(frame)
         except SourceError as problem:
             error = problem
+        except Exception as problem:  # must not look like the end of the stream
+            error = SourceError(f'source: {type(problem).__name__}: {problem}')
         finally:
             with self._changed:
                 self._error, self._ended = error, True

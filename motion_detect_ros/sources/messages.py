@@ -113,11 +113,9 @@ def camera_info(
 
 
 def camera_model(info: Any) -> CameraModel | None:
-    """The pinhole camera of a CameraInfo message, None where it is uncalibrated (K[0] = 0)."""
+    """The pinhole camera of a CameraInfo message, None where it is uncalibrated (K[0] = 0, or no calibration)."""
     k = info.k
-    if not k[0]:
-        return None
-    return CameraModel(int(info.width), int(info.height), float(k[0]), float(k[4]), float(k[2]), float(k[5]))
+    return CameraModel.of(int(info.width), int(info.height), float(k[0]), float(k[4]), float(k[2]), float(k[5]))
 
 
 def point_cloud(records: RecordArray, stamp_ns: int, frame_id: str) -> Any:

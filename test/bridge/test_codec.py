@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import time
 
@@ -96,6 +97,13 @@ def test_camera_info_prefers_the_rectified_matrix_and_zero_is_uncalibrated():
     info = CameraInfo(width=640, height=480, k=[1.0, 0, 2.0, 0, 3.0, 4.0, 0, 0, 1.0])
     assert camera_from_msg(info) == CameraModel(640, 480, 1.0, 3.0, 2.0, 4.0)
     assert camera_from_msg(camera_to_msg(None, 640, 480, HEADER)) is None
+
+
+@pytest.mark.parametrize('k', [(math.nan, 5e2, 320, 240), (5e2, math.inf, 320, 240), (5e2, 5e2, math.nan, 240),
+                               (1e-9, 5e2, 320, 240), (-5e2, 5e2, 320, 240)])
+def test_what_no_calibration_can_be_is_uncalibrated(k: tuple[float, float, float, float]):
+    fx, fy, cx, cy = (float(value) for value in k)
+    assert camera_from_msg(CameraInfo(width=640, height=480, k=[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0])) is None
 
 
 def test_only_rectified_images_have_the_projection_of_the_rectified_camera():

@@ -101,6 +101,14 @@ def test_a_still_camera_leaves_the_weights_bounded():
     assert np.abs(later[30:] - shaking(100)[30:]).max() < 1.0
 
 
+def test_hours_of_exactly_no_motion_leave_numbers():
+    smoother = ParameterAutoregression(EgoMotionConfig(process_noise_px_per_s2=10.0))
+    run(smoother, np.zeros((4000, 6)), 1.0 / 60.0)
+    assert np.isfinite(smoother.forecast(1.0 / 60.0)).all()
+    later, _, _ = run(smoother, noisy(shaking(100)), 1.0 / 60.0)
+    assert np.isfinite(later).all()
+
+
 @pytest.mark.parametrize('order', [1, 3, 12])
 def test_order_is_how_many_measurements_come_first(order):
     smoother = make_smoother(EgoMotionConfig(smoothing='autoregressive', ar_order=order))

@@ -71,6 +71,14 @@ def test_nothing_to_see_is_said_and_not_guessed(method, gray):
     assert np.isnan(ego.covariance).all()
 
 
+@pytest.mark.parametrize('method', METHODS)
+@pytest.mark.parametrize('gray', [0, 128])
+def test_a_picture_that_goes_blank_has_no_motion(method, gray):
+    blank = np.full((HEIGHT, WIDTH), gray, np.uint8)
+    ego = estimate(view(world(1), np.eye(3)), blank, config_of(method))
+    assert ego.status in (EgoStatus.LOW_TEXTURE, EgoStatus.DEGENERATE)
+
+
 @pytest.mark.parametrize('method', NEW)
 def test_pictures_of_different_places_have_no_motion_in_common(method):
     ego = estimate(view(world(1), np.eye(3)), view(world(2), np.eye(3)), config_of(method))

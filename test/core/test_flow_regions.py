@@ -148,6 +148,14 @@ def test_small_regions_leave_no_trace() -> None:
     np.testing.assert_array_equal(dis(current, earlier), before)
 
 
+def test_carried_is_finite_whatever_the_motion_is() -> None:
+    """A first guess that is not would end the process inside OpenCV."""
+    shift = np.full((20, 20, 2), 3.0, np.float32)
+    with np.errstate(all='ignore'):
+        for matrix in (np.diag([1.0, 1.0, 1e-300]), np.array([[1, 0, 0], [0, 1, 0], [1e30, 0, 1.0]])):
+            assert np.isfinite(carried(shift, matrix, 80, 80)).all()
+
+
 def test_warm_start_hands_on_the_last_flow(monkeypatch: pytest.MonkeyPatch) -> None:
     given = []
 

@@ -107,6 +107,14 @@ def test_broken_samples_are_left_out_and_an_earlier_stamp_begins_anew():
     assert buffer.rotation(0, 100 * MS) is None
 
 
+def test_a_driver_that_repeats_a_stamp_loses_nothing():
+    buffer = GyroBuffer(ImuConfig())
+    for time_ms in range(0, 101, 5):
+        for _ in range(2):
+            buffer.add(time_ms * MS, np.array([0.0, 0.0, 1.0]))
+    np.testing.assert_allclose(buffer.rotation(0, 100 * MS)[0, 1], np.sin(0.1), atol=1e-9)
+
+
 def test_no_time_and_backward_time_give_nothing():
     buffer = filled(lambda _: np.array([0.0, 1.0, 0.0]), 100)
     assert buffer.rotation(50 * MS, 50 * MS) is None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import cv2
@@ -168,6 +170,19 @@ def test_dis_forgets_a_first_guess() -> None:
     cold = dis(current, earlier)
     dis(current, earlier, np.full((HEIGHT, WIDTH, 2), SHIFT, np.float32))
     np.testing.assert_array_equal(dis(current, earlier), cold)
+
+
+@pytest.mark.parametrize('scale', [3, 4])
+@pytest.mark.parametrize('shape', [(32, 160), (47, 240), (63, 320), (80, 240), (127, 480)])
+def test_coarse_finest_levels_leave_small_pictures_alive(scale: int, shape: tuple[int, int]) -> None:
+    """OpenCV 5.0 writes beyond its arrays there: the process would end, so another one tries."""
+    code = (f'import numpy as np; from motion_detect_ros.core.config import OpticalFlowConfig; '
+            f'from motion_detect_ros.core.flow_backends import make_flow; '
+            f'image = np.random.default_rng(0).integers(0, 255, {shape}).astype(np.uint8); '
+            f'found = make_flow(OpticalFlowConfig(finest_scale={scale}))(image, np.roll(image, 1, 1)); '
+            f'assert np.isfinite(found).all() and found.shape == {(*shape, 2)}')
+    done = subprocess.run([sys.executable, '-c', code], check=False, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
 
 
 def test_dis_is_opencvs_with_the_three_settings() -> None:

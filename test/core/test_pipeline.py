@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 
 from motion_detect_ros.core.boxes import Box
-from motion_detect_ros.core.config import PipelineConfig, PreprocessingConfig
-from motion_detect_ros.core.ego_motion import no_estimate
+from motion_detect_ros.core.clustering_stage import ClusteringStage
+from motion_detect_ros.core.config import PipelineConfig, PreprocessingConfig, TracksConfig
+from motion_detect_ros.core.ego_motion import EgoMotionStage, no_estimate
 from motion_detect_ros.core.errors import ConfigError, FrameError
 from motion_detect_ros.core.evidence import ImagePair, support
 from motion_detect_ros.core.optical_flow import OpticalFlowStage, total_to_residual
-from motion_detect_ros.core.pipeline import MotionPipeline
+from motion_detect_ros.core.pipeline import MotionPipeline, warm_up
 from motion_detect_ros.core.preprocessing import Preprocessor
 from motion_detect_ros.core.settings import settings, with_settings
-from motion_detect_ros.core.types import EgoMotion, EgoStatus
+from motion_detect_ros.core.types import CameraModel, EgoMotion, EgoStatus
 
 PERIOD_NS = 40_000_000
 SIDE, SPEED, PAN = 48, 4, 3
@@ -112,6 +113,56 @@ def test_input_is_not_changed():
     copy = image.copy()
     MotionPipeline().process(image, PERIOD_NS)
     np.testing.assert_array_equal(image, copy)
+
+
+def test_a_buffer_that_the_caller_fills_anew_is_as_good_as_fresh_pictures():
+    buffer, pipeline, found = np.empty((360, 480), np.uint8), MotionPipeline(), []
+    for index in range(12):
+        buffer[:] = scene(index)
+        found.append(pipeline.process(buffer, (index + 1) * PERIOD_NS))
+    fresh = run([scene(index) for index in range(12)])
+    assert [r.detections.tobytes() for r in found] == [r.detections.tobytes() for r in fresh]
+    np.testing.assert_array_equal(found[-1].ego.matrix, fresh[-1].ego.matrix)
+
+
+def test_bearings_are_those_of_the_picture_whatever_size_was_calibrated():
+    calibrations = [CameraModel(480, 360, 400.0, 400.0, 239.5, 179.5),
+                    CameraModel(960, 720, 800.0, 800.0, 479.5, 359.5),
+                    CameraModel(0, 0, 400.0, 400.0, 239.5, 179.5)]
+    rays = []
+    for camera in calibrations:
+        pipeline = MotionPipeline(camera=camera)
+        for index in range(12):
+            records = pipeline.process(scene(index), (index + 1) * PERIOD_NS).detections
+        x = (records[0]['u'] - 239.5) / 400.0
+        assert records[0]['bearing_x'] / records[0]['bearing_z'] == pytest.approx(x, abs=1e-5)
+        rays.append([records[0][f'bearing_{axis}'] for axis in 'xyz'])
+    np.testing.assert_allclose(rays[1:], [rays[0], rays[0]], atol=1e-5)
+
+
+@pytest.mark.parametrize('jump', ['clock', 'size'])
+def test_tracks_end_at_a_jump_whose_own_frame_never_came(jump):
+    """As behind an overloaded node: the frame whose status tells of the jump is the one that got lost."""
+    config = PipelineConfig()
+    prepare, egos, flows = Preprocessor(config.preprocessing), EgoMotionStage(config), OpticalFlowStage(config)
+    clustering, ids = ClusteringStage(config), []
+    pictures = [scene(index) for index in range(24)]
+    for index, image in enumerate(pictures):
+        late = index >= 12
+        stamp_ns = (index + 1 - (12 if late and jump == 'clock' else 0)) * PERIOD_NS
+        shown = image[:300, :400].copy() if late and jump == 'size' else image
+        frame = prepare.process(shown, stamp_ns)
+        ego = egos.process(frame)
+        flow = flows.process(frame, ego)
+        if index != 12:
+            ids.append(set(clustering.process(frame, flow, ego)['id'].tolist()))
+    before, after = set().union(*ids[:12]), set().union(*ids[12:])
+    assert before and after and not before & after
+
+
+def test_many_hits_before_a_track_is_reported_do_not_lengthen_the_warm_up():
+    tracks = TracksConfig(confirm_hits=80, confirm_frames=100)
+    warm_up(PipelineConfig(tracks=tracks, preprocessing=PreprocessingConfig(max_width_px=320)))
 
 
 class TestFlow:
@@ -211,6 +262,11 @@ class TestSettings:
 
 
 class TestPreprocessing:
+    @pytest.mark.parametrize('shape', [(1, 4000), (2, 4000), (4000, 1)])
+    def test_slivers_are_refused(self, shape):
+        with pytest.raises(FrameError, match='expected at least 32 px a side at working resolution'):
+            Preprocessor(PreprocessingConfig()).process(np.zeros(shape, np.uint8), 0)
+
     def test_grey_weights_and_scale(self):
         image = np.zeros((200, 400, 3), np.uint8)
         image[..., 1] = 100  # green alone: 0.587 of it (ITU-R BT.601)

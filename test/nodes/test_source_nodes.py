@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TransformStamped
+from mcap.writer import Writer
 from peers import image_message, picture, ready
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
@@ -129,6 +130,19 @@ def test_player_plays_chosen_topics_only(peer, start, bag):
     play(peer, start, bag, '-p', 'topics:=/rear/image_raw', '-r', 'rear/image_raw:=seen')
     assert not images
     np.testing.assert_array_equal(image_from_msg(rear[0]), picture(9))
+
+
+def test_a_bag_without_a_known_type_is_not_played_for_ever(peer, start, tmp_path):
+    path = tmp_path / 'flight.mcap'
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start(profile='ros2')
+        schema = writer.register_schema('none_msgs/msg/Thing', 'ros2msg', b'string name')
+        writer.add_message(writer.register_channel('/things', 'cdr', schema), STAMPS[0], b'', STAMPS[0])
+        writer.finish()
+    process = start('bag_player', '-p', f'bag:={path}', '-p', 'loop:=true', code=2)
+    assert peer.until(lambda: process.poll() is not None)
+    assert f'{path}: expected a topic whose type is installed, got none' in (tmp_path / 'bag_player.log').read_text()
 
 
 def test_who_comes_late_hears_the_static_transforms(peer, start, tmp_path):

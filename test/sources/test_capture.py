@@ -71,6 +71,15 @@ def test_files_play_at_their_own_pace(pictures: str) -> None:
     assert rate == pytest.approx(40, rel=0.2)
 
 
+def test_whatever_breaks_a_source_is_not_its_end(pictures: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(self: Capture) -> None:
+        raise cv2.error('cannot decode')
+
+    monkeypatch.setattr(Capture, '_paced_frames', broken)
+    with Capture(pictures, fps=100.0) as capture, pytest.raises(SourceError, match='error: cannot decode'):
+        capture.read(5.0)
+
+
 def test_read_gives_none_after_its_timeout(pictures: str) -> None:
     with Capture(pictures, fps=1) as capture:
         assert capture.read(5.0) is not None
