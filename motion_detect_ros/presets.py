@@ -22,6 +22,11 @@ NODE_PARAMETERS = frozenset({
 })
 
 
+def is_node_parameter(name: str) -> bool:
+    """Whether a parameter belongs to the nodes alone; so do all of the standard ``qos_overrides``."""
+    return name in NODE_PARAMETERS or name.startswith('qos_overrides.')
+
+
 def config_folders() -> Iterator[Path]:
     """Where presets may be, nearest first: the source tree, the ament prefixes, the Python installation."""
     yield Path(__file__).resolve().parent.parent / 'config'
@@ -52,8 +57,8 @@ def load_preset(name_or_path: str | Path) -> PipelineConfig:
     path = _path_of(str(name_or_path))
     try:
         values = read_parameters(path)
-        chosen = {name: value for name, value in values.items() if name not in NODE_PARAMETERS}
-        return with_settings(PipelineConfig(), chosen)
+        return with_settings(PipelineConfig(), {
+            name: value for name, value in values.items() if not is_node_parameter(name)})
     except ConfigError as error:
         raise ConfigError(f'{path.name}: {error}') from None
 

@@ -47,11 +47,20 @@ def test_node_parameters_are_left_out_offline(tmp_path: Path):
     assert load_preset(path).art2.vigilance == 0.3
 
 
+def test_quality_of_service_is_left_out_offline(tmp_path: Path):
+    path = tmp_path / 'mine.yaml'
+    path.write_text('/**:\n  ros__parameters:\n    art2: {vigilance: 0.3}\n'
+                    '    qos_overrides: {/image_raw: {subscription: {depth: 3}}}\n'
+                    '    qos_overrides./imu.subscription.reliability: reliable\n')
+    assert load_preset(path) == with_settings(PipelineConfig(), {'art2.vigilance': 0.3})
+
+
 @pytest.mark.parametrize(('text', 'words'), [
     ('art2: {vigilance: 0.3}', 'mine.yaml: expected "ros__parameters:" under'),
     ('just words', 'mine.yaml: expected "/\\*\\*: ros__parameters:" at the top, got str'),
     ('/**: [1', 'mine.yaml: expected a YAML parameter file, got'),
     ('/**:\n  ros__parameters:\n    art2: {vigilanse: 0.3}', "mine.yaml: unknown setting 'art2.vigilanse'"),
+    ('/**:\n  ros__parameters:\n    qos_override: 1', "mine.yaml: unknown setting 'qos_override'"),
     ('/**:\n  ros__parameters:\n    art2: {vigilance: 3.0}', 'mine.yaml: art2.vigilance: expected 0.0 to 1.0, got 3.0'),
 ])
 def test_wrong_files_are_named_in_one_line(tmp_path: Path, text: str, words: str):

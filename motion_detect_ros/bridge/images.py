@@ -108,7 +108,10 @@ def camera_to_msg(camera: CameraModel | None, width: int, height: int, header: H
 
 
 def bytes_of(values: npt.NDArray[np.generic]) -> array[int]:
-    """The bytes of an array in the one form that rclpy's setters take without walking every element."""
+    """The bytes of an array in the one form that rclpy's setters take without walking every element.
+
+    values: of any shape and number type, copied in row order.
+    """
     data = array('B')
     data.frombytes(memoryview(np.ascontiguousarray(values)).cast('B'))
     return data

@@ -17,7 +17,7 @@ from rclpy.node import Node
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.core.settings import Scalar, settings, with_settings
-from motion_detect_ros.presets import NODE_PARAMETERS
+from motion_detect_ros.presets import is_node_parameter
 
 _REFUSED = (InvalidParameterException, InvalidParameterTypeException, InvalidParameterValueException,
             ParameterException)
@@ -67,8 +67,7 @@ def declare_simple(
 def unknown_parameters(node: Node) -> tuple[str, ...]:
     """Names given on the command line or in a parameter file that the node does not declare: misspelt, mostly."""
     given = getattr(node, '_parameter_overrides', {})  # rclpy has no public way to ask
-    return tuple(name for name in sorted(given) if not node.has_parameter(name) and name not in NODE_PARAMETERS
-                 and not name.startswith('qos_overrides.'))
+    return tuple(name for name in sorted(given) if not node.has_parameter(name) and not is_node_parameter(name))
 
 
 def _declared(node: Node, name: str, default: Scalar, descriptor: ParameterDescriptor) -> Scalar:

@@ -43,7 +43,11 @@ _FORMATS = {datatype: name for name, datatype in _DATATYPES.items()}
 
 
 def records_to_msg(records: RecordArray, header: Header) -> PointCloud2:
-    """Any flat structured array as an unordered cloud, one record a point."""
+    """Any flat structured array as an unordered cloud, one record a point.
+
+    records: (N,), little endian, fields of whole numbers of 1 to 4 bytes or floats of 4 or 8. header: copied as it is.
+    Raises: KeyError for a field of another type.
+    """
     dtype = records.dtype
     fields = [PointField(name=name, offset=dtype.fields[name][1], datatype=_DATATYPES[dtype[name].str[1:]], count=1)
               for name in dtype.names]

@@ -6,7 +6,7 @@ parallax. Where that is not clearly more than the tracks' noise there is no answ
 Plane: seen from a drone the ground often is the whole picture. A narrow view of it under sideways travel looks like a
 turn. With more perspective two motions explain every track equally well, the plane's normal and the direction of travel
 swapped (Longuet-Higgins 1986); they are weighed against each other on all tracks, and only where things off the plane
-(a tenth of the tracks and more) decide between them there is an answer. So flat ground alone gives none.
+(a fifth of the tracks in the tests) decide between them there is an answer. So flat ground alone gives none.
 """
 
 from __future__ import annotations

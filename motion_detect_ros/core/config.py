@@ -26,7 +26,8 @@ class PreprocessingConfig:
 
     max_width_px: int = setting(
         960, 'wider images are shrunk to this width before processing', low=64, high=8192, unit='px')
-    median_kernel_px: int = setting(0, 'median filter size, 0 = off', low=0, high=7, unit='px')
+    median_kernel_px: int = setting(
+        0, 'median filter size, 0 and 1 = off, even ones are taken one larger', low=0, high=7, unit='px')
     mean_shift_px: int = setting(
         0, 'radius of mean-shift smoothing, 0 = off; tens of ms and more a frame', low=0, high=20, unit='px')
     mean_shift_gray: float = setting(
@@ -36,7 +37,8 @@ class PreprocessingConfig:
     ignore_regions: str = setting(
         '', 'regions of the full-resolution image never looked at, "x,y,w,h; x,y,w,h"', unit='px')
     find_overlay: bool = setting(
-        False, 'corners that stay the same for seconds while the picture moves are masked as burnt-in overlay')
+        False, 'corners that stay the same for seconds while the picture moves, and the edges connected to them, are '
+        'masked as burnt-in overlay')
 
     def __post_init__(self) -> None:
         parse_regions(self.ignore_regions)
@@ -53,7 +55,8 @@ class EgoMotionConfig:
         'affine', 'family of warps; quadratic is the flow of a plane',
         choices=('translation', 'similarity', 'affine', 'homography', 'quadratic'))
     features: str = setting(
-        'shi_tomasi', 'what is tracked', choices=('shi_tomasi', 'harris', 'fast', 'orb', 'brisk', 'mser'))
+        'shi_tomasi', 'what is tracked; brisk needs OpenCV 4 or opencv-contrib',
+        choices=('shi_tomasi', 'harris', 'fast', 'orb', 'brisk', 'mser'))
     max_corners: int = setting(700, 'features tracked per frame', low=8, high=5000)
     corner_quality: float = setting(
         0.002, 'smallest accepted strength of a feature, relative to the best', low=1e-6, high=1.0)
@@ -112,11 +115,11 @@ class OpticalFlowConfig:
     """Dense flow."""
 
     method: str = setting(
-        'dis', 'dis is dis_fast with the three settings below; from dual_tvl1 on they need opencv-contrib, onnx needs '
-        'onnxruntime', choices=FLOW_METHODS)
+        'dis', 'dis is dis_fast with finest_scale, refinement_iterations and smoothness; from dual_tvl1 on they need '
+        'opencv-contrib, onnx needs onnxruntime', choices=FLOW_METHODS)
     onnx_model: str = setting('', 'file of the network that method onnx runs')
     baseline_s: float = setting(
-        0.04, 'time over which flow is measured (the nearest whole number of frames, at least one)',
+        0.04, 'time over which flow is measured (the nearest whole number of frames, at least one, at most 16)',
         low=0.001, high=2.0, unit='s')
     finest_scale: int = setting(
         2, 'finest pyramid level of methods dis and variational, 0 = full resolution', low=0, high=4)
@@ -165,7 +168,7 @@ class BackgroundConfig:
     noise_floor_px: float = setting(
         0.2, 'noise of the flow over the baseline is never taken to be smaller', low=0.01, high=10.0, unit='px')
     noise_share: float = setting(
-        0.06, 'share of the camera-caused flow that is added to the noise', low=0.0, high=1.0)
+        0.06, 'share of the camera-caused flow that is added to the noise, planar background', low=0.0, high=1.0)
 
 
 @dataclass(frozen=True)
@@ -264,7 +267,9 @@ class LoadConfig:
     of: int = setting(
         1, '... of every so many frames are processed, the others as if never seen; 2 of 5: pairs for the flow, and '
         'time to process them', low=1, high=1000, unit='frames')
-    threads: int = setting(0, 'threads of OpenCV, 0 = as many as there are cores', low=0, high=256)
+    threads: int = setting(
+        0, 'threads of OpenCV, 0 = as many as there are cores; with 1 the two ways of the flow run one after the other',
+        low=0, high=256)
 
     def __post_init__(self) -> None:
         if self.take > self.of:

@@ -27,7 +27,8 @@ def color_of(identity: int) -> tuple[int, int, int]:
 def draw_detections(image: ByteArray, records: RecordArray) -> ByteArray:
     """A BGR copy of ``image`` (H, W[, 3]) with box, id and velocity arrow of every detection.
 
-    A record whose box is not finite is left out, an arrow whose velocity is not finite too.
+    image: uint8; records: dtype ``DETECTION_DTYPE``, pixels of ``image``. A record whose box is not finite is left out,
+    an arrow whose velocity is not finite too.
     """
     canvas = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image.copy()
     thickness = max(1, round(canvas.shape[1] / 640))

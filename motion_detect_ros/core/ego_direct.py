@@ -73,7 +73,7 @@ def pyramid(gray: ByteArray) -> list[FloatArray]:
 
 
 def masks(frame: PreparedFrame) -> list[BoolArray | None]:
-    """The frame's mask on every level of ``pyramid``."""
+    """The frame's mask on every level of ``pyramid``, (h, w) bool each, finest first; None where it has none."""
     levels: list[BoolArray | None] = [frame.mask]
     side = min(frame.gray.shape)
     while side >= 2 * MIN_SIDE_PX:

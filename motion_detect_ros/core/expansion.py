@@ -40,8 +40,9 @@ def with_growth(
 
 
 def growth(flow: FlowField, own: FloatArray, seen: Candidate, seconds: float) -> Growth | None:
-    """Growth of one candidate; None with too few known cells.
+    """Growth of one candidate, its rate in 1/s; None with too few known cells.
 
+    flow, own: as in ``with_growth``, pixels over ``seconds``.
     What comes closer at constant speed was smaller by the factor 1 - a, a = seconds * speed / distance then, so the
     rate now is a / (seconds * (1 - a)) (Lee 1976; Koenderink and van Doorn 1976: divergence = 2 a / seconds).
     """

@@ -36,8 +36,8 @@ class FlowFunction(Protocol):
     def __call__(self, current: ByteArray, earlier: ByteArray, start: FloatArray | None = None, /) -> FloatArray:
         """(h, w, 2) float32 displacement current -> earlier, pixels; NaN where the method has no answer.
 
-        current, earlier: (h, w) uint8 of one size; start: (h, w, 2) float32 first guess, left as it is. Methods
-        outside ``config.WARM_METHODS`` take no notice of it.
+        current, earlier: (h, w) uint8 of one size; start: (h, w, 2) float32 first guess, left as it is; only
+        the methods of ``config.WARM_METHODS`` are ever given one, most others take no notice of it.
         """
         ...
 

@@ -43,7 +43,7 @@ class _Algorithm:
 
 
 class _TvL1:
-    """Dual TV-L1 (Zach et al. 2007), the one contributed method that takes a first guess."""
+    """Dual TV-L1 (Zach et al. 2007), the one contributed method that takes a first guess; no setting gives it one."""
 
     def __init__(self, algorithm: Any) -> None:
         self._algorithm = algorithm

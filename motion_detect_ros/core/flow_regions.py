@@ -41,7 +41,10 @@ def flow_in_regions(
 
 
 def moving_cells(shift: FloatArray) -> BoolArray:
-    """(rows, columns) cells whose displacement between stabilised pictures, pixels, is not that of most."""
+    """(rows, columns) cells whose displacement between stabilised pictures is not that of most.
+
+    shift: (rows, columns, 2) float32 pixels, NaN = unknown, which does not move.
+    """
     error = shift - np.nanmedian(shift, axis=(0, 1)) if np.isfinite(shift).any() else shift
     length = np.hypot(error[..., 0], error[..., 1])
     known = length[np.isfinite(length)]

@@ -34,6 +34,10 @@ class FrameSelection:
 
 
 def use_threads(config: LoadConfig) -> None:
-    """OpenCV's threads for this process. The kernels of this package run in one thread each."""
+    """OpenCV's threads for this process; 0 leaves OpenCV's own number.
+
+    The kernels of this package run in one thread each; the flow's way back gets a thread of its own unless OpenCV has
+    only one (``OpticalFlowStage``).
+    """
     if config.threads:
         cv2.setNumThreads(config.threads)

@@ -66,7 +66,10 @@ def theta_matrix(theta: DoubleArray, centre: DoubleArray) -> DoubleArray:
 
 
 def matrix_theta(matrix: DoubleArray, centre: DoubleArray) -> DoubleArray:
-    """(3, 3) -> (8,) theta of the homography, the inverse of ``theta_matrix``."""
+    """(3, 3) previous pixel -> current pixel to (8,) theta of the homography, pixels: ``theta_matrix`` the other way.
+
+    centre: (2,) of the image, pixels.
+    """
     to_normal = _to_normal(centre)
     normal = to_normal @ matrix @ np.linalg.inv(to_normal)
     normal = normal / normal[2, 2]
@@ -76,13 +79,16 @@ def matrix_theta(matrix: DoubleArray, centre: DoubleArray) -> DoubleArray:
 
 
 def normalised(points: FloatArray, centre: DoubleArray) -> DoubleArray:
-    """(N, 2) pixels -> X."""
+    """(N, 2) float32 pixels -> (N, 2) X, without unit. centre: (2,) of the image, pixels."""
     scaled: DoubleArray = (points.astype(np.float64) - centre) / _reach(centre)
     return scaled
 
 
 def displacement(family: ModelFamily, theta: DoubleArray, x: DoubleArray, centre: DoubleArray) -> DoubleArray:
-    """(N, 2) pixels that points at ``x`` (N, 2, normalised) move by."""
+    """(N, 2) pixels that points move by. theta: (8,) pixels; x: (N, 2) X as of ``normalised``; centre: (2,) pixels.
+
+    Source: Bergen et al. 1992, equations 7 (affine) and 8 (quadratic).
+    """
     a, reach = theta[[0, 3]], _reach(centre)
     turned = x @ theta[[[1, 2], [4, 5]]].T
     along = (x @ theta[6:])[:, None]
@@ -94,7 +100,7 @@ def displacement(family: ModelFamily, theta: DoubleArray, x: DoubleArray, centre
 
 
 def jacobian(family: ModelFamily, theta: DoubleArray, x: DoubleArray, centre: DoubleArray) -> DoubleArray:
-    """(N, 2, 8) derivative of ``displacement`` by theta."""
+    """(N, 2, 8) derivative of ``displacement`` by theta, without unit; arguments as there."""
     reach, count = _reach(centre), len(x)
     depth, ray = np.ones(count), x
     if not family.polynomial:

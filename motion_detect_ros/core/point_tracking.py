@@ -19,11 +19,13 @@ def track_points(
     previous: ByteArray, current: ByteArray, points: FloatArray, config: EgoMotionConfig,
     prior: DoubleArray | None = None,
 ) -> tuple[FloatArray, BoolArray]:
-    """Where ``points`` are in ``current``, and which of them are found again on the way back.
+    """(N, 2) float32 where ``points`` are in ``current``, and (N,) bool which of them are found again on the way back.
 
-    previous, current: (h, w) of the same size; points: (N, 2) pixels; prior: (3, 3) where the search starts, previous
-    pixel -> current pixel. Scouts find the common motion; the search around it needs no pyramid. What is not found
-    there, a moving object or another depth, is searched for over the whole pyramid.
+    previous, current: (h, w) uint8 of the same size; points: (N, 2) float32 pixels of these images; prior: (3, 3)
+    where the search starts, previous pixel -> current pixel, None = where they were. Scouts find the common motion; the
+    search around it needs no pyramid. What is not found there, a moving object or another depth, is searched for over
+    the whole pyramid.
+    Source: Bouguet 2001; the check on the way back: Kalal et al. 2010.
     """
     common = _common_motion(previous, current, points, config, prior)
     if common is None:
@@ -37,7 +39,10 @@ def track_points(
 def track_close(
     previous: ByteArray, current: ByteArray, points: FloatArray, config: EgoMotionConfig, motion: DoubleArray,
 ) -> tuple[FloatArray, BoolArray]:
-    """As ``track_points`` for points that move by ``motion`` (3, 3), but for a few pixels."""
+    """As ``track_points``, without pyramid, for points that move by ``motion`` but for a few pixels.
+
+    motion: (3, 3) previous pixel -> current pixel, of the images as given.
+    """
     return _both_ways(previous, current, points, config, motion, 0)
 
 

@@ -47,13 +47,19 @@ def reconstruct(laplacian: list[FloatArray]) -> FloatArray:
 
 
 def reduce(image: FloatArray) -> FloatArray:
-    """Smoothed, then every second pixel: g_l = REDUCE(g_{l-1}), Burt and Adelson 1983, equation 1."""
+    """Smoothed, then every second pixel: g_l = REDUCE(g_{l-1}), Burt and Adelson 1983, equation 1.
+
+    image: (H, W) float32. Returns ((H + 1) // 2, (W + 1) // 2) float32.
+    """
     smaller: FloatArray = cv2.pyrDown(image)
     return smaller
 
 
 def expand(image: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """Interpolated to ``shape`` (H, W), the level before: EXPAND, Burt and Adelson 1983, equation 2."""
+    """Interpolated to ``shape`` (H, W), the level before: EXPAND, Burt and Adelson 1983, equation 2.
+
+    image: ((H + 1) // 2, (W + 1) // 2) float32. Returns (H, W) float32.
+    """
     larger: FloatArray = cv2.pyrUp(image, dstsize=(shape[1], shape[0]))
     return larger
 

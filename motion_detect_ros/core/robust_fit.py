@@ -54,7 +54,10 @@ def refine_motion(
 ) -> MotionFit | None:
     """Iteratively re-weighted Gauss-Newton (Tukey's biweight) from a start close to the solution.
 
-    The covariance is that of weighted least squares with the variance measured on the inliers.
+    points, moved: (N, 2) float32, previous and current positions, pixels; theta: (8,) the start, pixels; centre: (2,)
+    of the image, pixels. The covariance is that of weighted least squares with the variance measured on the inliers.
+    None where the points do not determine the motion (singular normal equations).
+    Source: Holland and Welsch 1977, with the weights of Beaton and Tukey 1974.
     """
     x, target = normalised(points, centre), (moved - points).astype(np.float64)
     free = np.linalg.lstsq(family.basis, theta, rcond=None)[0]

@@ -82,7 +82,7 @@ class StillFirst:
 
 
 def sampled(frame: PreparedFrame) -> Sampled:
-    """The patches of ``frame``, which is larger than one."""
+    """The patches of ``frame``, of N = 12 x 16; the frame is larger than one of them (``SIDE_PX``)."""
     y, x = (np.linspace(0, side - SIDE_PX, count).astype(np.int64)
             for side, count in zip(frame.gray.shape, GRID, strict=True))
     scene = np.ones(len(y) * len(x), np.bool_)
@@ -93,7 +93,10 @@ def sampled(frame: PreparedFrame) -> Sampled:
 
 
 def patch_displacements(earlier: Sampled, later: Sampled) -> tuple[FloatArray, FloatArray]:
-    """(N, 2) centres of the earlier frame's textured patches and (N, 2) how they moved, working-resolution pixels."""
+    """(N, 2) centres of the earlier frame's textured patches and (N, 2) how they moved, float32 working pixels.
+
+    Source: one step of Lucas and Kanade 1981, with an offset of the grey values.
+    """
     twice = earlier.patches + later.patches
     pixels = (len(twice), (SIDE_PX - 4) ** 2)
     gx = ((twice[:, 1:-1, 2:] - twice[:, 1:-1, :-2]) * np.float32(0.25)).reshape(pixels)

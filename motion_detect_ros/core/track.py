@@ -75,7 +75,10 @@ class Spread:
 
 
 class Track:
-    """State (u, v, du/dt, dv/dt): pixels and pixels/s, velocity against the background."""
+    """State (u, v, du/dt, dv/dt): pixels and pixels/s, velocity against the background.
+
+    Constant velocity with white acceleration: Bar-Shalom et al. 2001, section 6.3.2.
+    """
 
     def __init__(self, number: int, seen: Candidate) -> None:
         self.number = number
@@ -117,7 +120,10 @@ class Track:
         return (low + high) / 2.0, high - low
 
     def predict(self, matrix: DoubleArray, dt_s: float) -> None:
-        """Carry the state over ``dt_s``: ego-motion of the position, then own velocity."""
+        """Carry state, covariance and size over ``dt_s`` seconds: ego-motion of the position, then own velocity.
+
+        matrix: (3, 3) previous pixel -> current pixel, full resolution.
+        """
         self.approach.predict(dt_s)
         x, y, vx, vy = self.state
         moved = matrix @ [x, y, 1.0]
@@ -140,7 +146,7 @@ class Track:
         self.astray_px = float(np.hypot(self.astray_px, camera_px))
 
     def update(self, seen: Candidate) -> None:
-        """Correct with a detection's centre and flow velocity; sizes are averaged."""
+        """Correct with a detection's centre and flow velocity (Kalman 1960); sizes are averaged, log odds add up."""
         position = self._noise(self.size)
         noise = np.diag([position, position, 36.0 * position, 36.0 * position])
         expected = self.covariance + noise
@@ -164,7 +170,10 @@ class Track:
         self.missed += 1
 
     def hold(self, centre: DoubleArray, dt_s: float, memory_s: float) -> None:
-        """The object shows no motion but was recognised at ``centre``: evidence fades to nothing over ``memory_s``."""
+        """The object shows no motion but was recognised at ``centre``: evidence fades to nothing over ``memory_s``.
+
+        centre: (2,) full-resolution pixels; dt_s: since the last frame, seconds; memory_s: over 0, seconds.
+        """
         self.held_s += dt_s
         noise = MIN_CENTRE_PX ** 2
         gain = self.covariance[:, :2] @ np.linalg.inv(self.covariance[:2, :2] + noise * np.eye(2))

@@ -116,7 +116,10 @@ MEMORIES: dict[str, Learn] = {'template': Template.learn, 'camshift': GrayHistog
 
 
 def box_on(gray: ByteArray, centre: DoubleArray, size: DoubleArray) -> Box:
-    """The whole pixels of a box, cut to the image; empty where it is off it."""
+    """The whole pixels of a box, cut to the image; empty where it is off it.
+
+    gray: (h, w) uint8; centre, size: (2,) pixels of ``gray``, x before y.
+    """
     height, width = gray.shape
     left, top = np.clip(np.rint(centre - size / 2.0), 0, [width, height]).astype(int)
     right, bottom = np.clip(np.rint(centre + size / 2.0), 0, [width, height]).astype(int)

@@ -11,7 +11,7 @@ from motion_detect_ros.core.types import ByteArray, DoubleArray, FloatArray
 
 
 def at_scale(matrix: DoubleArray, scale: float) -> DoubleArray:
-    """A full-resolution pixel warp as the same warp between images shrunk by ``scale``.
+    """A full-resolution pixel warp, (3, 3), as the same warp between images shrunk by ``scale`` (over 0).
 
     Pixel centres sit at whole numbers, so x_small = (x + 0.5) * scale - 0.5.
     """
@@ -22,7 +22,10 @@ def at_scale(matrix: DoubleArray, scale: float) -> DoubleArray:
 
 
 def stabilise(earlier: ByteArray, matrix: DoubleArray) -> ByteArray:
-    """``earlier`` as seen from the later frame. matrix: (3, 3) earlier pixel -> later pixel, same resolution."""
+    """``earlier``, (h, w) uint8, as seen from the later frame; its border pixels go on where it ends.
+
+    matrix: (3, 3) earlier pixel -> later pixel, same resolution.
+    """
     height, width = earlier.shape[:2]
     warped: ByteArray = cv2.warpPerspective(
         earlier, matrix, (width, height), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -40,12 +43,12 @@ def grid_points(rows: int, columns: int, width: int, height: int) -> FloatArray:
 
 
 def inverse(matrix: DoubleArray) -> DoubleArray:
-    """The warp the other way round."""
+    """(3, 3) the warp the other way round. Raises: numpy.linalg.LinAlgError where there is none."""
     return np.asarray(np.linalg.inv(matrix), np.float64)
 
 
 def apply(matrix: DoubleArray, points: FloatArray) -> FloatArray:
-    """(..., 2) points through a (3, 3) matrix, with the perspective division."""
+    """(..., 2) float32 points, pixels, through a (3, 3) matrix, with the perspective division."""
     m = matrix.astype(np.float32)
     x, y = points[..., 0], points[..., 1]
     depth = m[2, 0] * x + m[2, 1] * y + m[2, 2]

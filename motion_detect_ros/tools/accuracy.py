@@ -4,10 +4,10 @@
         [--all-objects] [--record NAME] [--against NAME] [--pictures DIR] [--write docs/accuracy.md]
     python -m motion_detect_ros.tools.accuracy --floors test/floors.json [--renew]
 
-``--data`` (default: the variable MOTION_DETECT_DATA) holds ``clips.json``: for each clip the folder of frames, the
-truth file, the frame rate and the preset of its family. Changes in brackets are against the last run recorded in
-``--records`` (docs/accuracy.json). With ``--floors`` only the part of the clips that the file names is run; exit code
-1 where an F1 is under its floor.
+``--data`` (default: the variable MOTION_DETECT_DATA, else ../shared/data) holds ``clips.json``: for each clip the
+folder of frames, the truth file, the frame rate and the preset of its family. Changes in brackets are against the last
+run recorded in ``--records`` (docs/accuracy.json). With ``--floors`` only the part of the clips that the file names is
+run; exit code 1 where an F1 is under its floor.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any
 import yaml
 
 from motion_detect_ros.core.errors import MotionDetectError, SourceError
-from motion_detect_ros.tools.accuracy_clips import DATA_VARIABLE, Job, read_clips, run_jobs
+from motion_detect_ros.tools.accuracy_clips import DATA_DEFAULT, DATA_VARIABLE, Job, read_clips, run_jobs
 from motion_detect_ros.tools.accuracy_floors import floor_clips, read_floors, renewed, write_floors
 from motion_detect_ros.tools.accuracy_pictures import write_sheets
 from motion_detect_ros.tools.accuracy_record import (
@@ -70,8 +70,8 @@ def make_parser() -> argparse.ArgumentParser:
 
 def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     """Where the clips are and how many processes run them."""
-    parser.add_argument('--data', type=Path, default=Path(os.environ.get(DATA_VARIABLE, '../shared/data')),
-                        metavar='DIR', help=f'folder with clips.json (default: {DATA_VARIABLE})')
+    parser.add_argument('--data', type=Path, default=Path(os.environ.get(DATA_VARIABLE, DATA_DEFAULT)),
+                        metavar='DIR', help=f'folder with clips.json (default: {DATA_VARIABLE}, else {DATA_DEFAULT})')
     parser.add_argument('--jobs', type=int, default=2, metavar='N', help='processes (default: 2)')
 
 

@@ -25,7 +25,8 @@ from motion_detect_ros.sources.truth import read_truth
 from motion_detect_ros.tools.demo_table import boxes_of
 from motion_detect_ros.tools.metrics import MOVING_AND_STANDING, MOVING_ONLY, Score, score_boxes
 
-DATA_VARIABLE = 'MOTION_DETECT_DATA'
+#: Says where the clips are, and where they are looked for without it.
+DATA_VARIABLE, DATA_DEFAULT = 'MOTION_DETECT_DATA', '../shared/data'
 IOUS = (0.3, 0.5)
 #: What is wanted: moving objects only, or every labelled object.
 COUNTINGS: Mapping[str, tuple[int, ...]] = {'moving': MOVING_ONLY, 'all': MOVING_AND_STANDING}

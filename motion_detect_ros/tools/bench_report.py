@@ -22,22 +22,24 @@ Written by `python -m motion_detect_ros bench --markdown docs/performance.md --j
 `make bench` prints the tables only, `--parts stages,floor` takes some of them. Input is the built-in flight. Times of
 one run on a shared machine vary by a quarter and more; where two things are compared they take turns frame by frame,
 and the figure is the median of the ratios. `test/tools/test_bench_guard.py` fails where the ratio of the pipeline to
-the OpenCV floor grows by over a quarter.
+the OpenCV floor grows by over a quarter. *goal*: what a companion computer of two cores should reach.
 '''
 ABOUT = {
     'stages': '''Compute time of every stage, decoded frame to detections; processor: time of all threads together,
 which other load on the machine hardly changes. Median / 95th percentile, ms.''',
     'reported': '''The two tables of the report this project implements (its figures: with a graphics card) and ours,
 CPU only, on flights of the same image size with the preset of that name. Medians, ms.''',
-    'floor': '''The whole pipeline against the OpenCV calls it cannot do without, at the same settings: grey and working
-size, corners, Lucas-Kanade there and back, warp, DIS both ways.''',
+    'floor': '''The whole pipeline against the OpenCV calls it cannot do without, at the same settings, called plainly,
+one after the other: grey and working size, corners at full resolution, Lucas-Kanade over the whole pyramid there and
+back, warp, DIS both ways. The pipeline saves on corners and tracking and runs both ways of the flow at once, so the
+ratio may come near 1.''',
     'background': '''The same pipeline with a background in three dimensions (`background.model: epipolar`) and a planar
 one.''',
     'curves': '''What a frame costs as its content grows. `x^b`: least squares of log time on log x. Objects: small
-cars on 1600x900. Neurons: ART2 alone on 30000 vectors. Processor: all threads
-together, which other load hardly changes.''',
+cars on 1600x900. Neurons: ART2 alone on 30000 vectors. Cells: `grid_px` 16 to 2 on the built-in flight. Processor: all
+threads together, which other load hardly changes.''',
     'codec': '''A 1280x720 bgr8 image to a message and back. The way back is a view of the bytes; other encodings are
-converted in 0.07 ms (rgb8) to 0.36 ms (uyvy, bayer).''',
+converted, which takes longer.''',
     'transport': '''From the stamp of a 960x540 picture, taken just before it is published, to its detections in the
 process that published it. Compute: sum of the medians that the nodes report themselves; beyond: what is left of the
 median latency, waiting for a busy stage included. All processes share the cores. Fast DDS profile and allocator

@@ -96,7 +96,10 @@ def backgrounds(preset: str, frames: int) -> list[Ratio]:
 
 
 def codec_times() -> list[Timing]:
-    """A 1280x720 bgr8 image to a message and back."""
+    """A 1280x720 bgr8 image to a message and back, milliseconds over ``CODEC_ROUNDS`` calls of each.
+
+    Raises: BackendError where ROS 2 is not installed.
+    """
     try:
         from motion_detect_ros.bridge.images import header_of, image_from_msg, image_to_msg
     except ModuleNotFoundError as error:

@@ -109,7 +109,10 @@ def measure(config: PipelineConfig, frames: Sequence[SyntheticFrame]) -> Row:
 
 
 def truth_on_grid(frame: SyntheticFrame, rows: int, columns: int) -> Cells:
-    """Means of the exact flow over cells; those with pixels of two kinds, or of unknown flow, are of neither kind."""
+    """Means of the exact flow over rows x columns cells, pixels of the frame since the one before.
+
+    Cells with pixels of two kinds, or of unknown flow, are of neither kind.
+    """
     size = columns, rows
     flow = cv2.resize(frame.flow, size, interpolation=cv2.INTER_AREA)
     moving = np.isin(frame.owner, frame.truth['id'][frame.truth['moving'] > 0])

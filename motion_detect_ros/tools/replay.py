@@ -59,20 +59,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('inputs', nargs='+', metavar='IN',
                         help='bag, video, image folder, VisDrone sequence or KITTI drive')
     parser.add_argument('-o', '--output', type=Path, required=True, help='folder for the outputs')
-    parser.add_argument('--preset', default='default', help='settings: default, visdrone or kitti')
+    parser.add_argument('--preset', default='default', help='settings: default, visdrone or kitti, or a YAML file')
     parser.add_argument('--config', help='YAML file with settings, instead of --preset')
     parser.add_argument('--fps', type=float, help=f'frames/s of inputs without time stamps (default {DEFAULT_FPS:g})')
     parser.add_argument('--topic', help='image topic of a bag that has several')
     parser.add_argument('--workers', type=int, default=1, help='processes, for several inputs')
-    parser.add_argument('--live', action='store_true', help='play through the ROS nodes instead')
+    parser.add_argument('--live', action='store_true', help='play through the ROS nodes instead; bags only')
     parser.add_argument('--rate', type=float, default=1.0, help='with --live: speed against the recording')
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Replay all inputs; the exit code is that of the only input, or 3 where some of several failed."""
+    """Replay all inputs; the exit code is that of ``__main__`` that all ended with, 3 where they differ.
+
+    Raises: SourceError for options that contradict each other, and with ``--live`` for an input that is no bag;
+    ConfigError for an unknown preset or a wrong value; BackendError where ``--live`` finds no ROS 2.
+    """
     if arguments.workers < 1:
         raise SourceError(f'--workers: expected 1 or more, got {arguments.workers}')
     if arguments.live:
+        _check_live(arguments)
         return _run_live(arguments)
     config = load_preset(arguments.config or arguments.preset)
     jobs = make_jobs(arguments, config)
@@ -81,6 +86,15 @@ def run(arguments: argparse.Namespace) -> int:
         print(outcome.line, file=sys.stderr if outcome.exit_code == UNREADABLE else sys.stdout)
     codes = {outcome.exit_code for outcome in outcomes}
     return codes.pop() if len(codes) == 1 else PARTIAL
+
+
+def _check_live(arguments: argparse.Namespace) -> None:
+    """Raises: SourceError for an option that says nothing to nodes."""
+    if arguments.workers > 1:
+        raise SourceError(
+            f'--live: expected no --workers, as one graph plays one bag at a time, got {arguments.workers}')
+    if arguments.fps is not None:
+        raise SourceError(f'--live: expected no --fps, as a bag has stamps of its own, got {arguments.fps:g}')
 
 
 def _run_live(arguments: argparse.Namespace) -> int:

@@ -146,6 +146,15 @@ class TestCommand:
         assert 'expected a folder with clips.json; set MOTION_DETECT_DATA or --data' in capsys.readouterr().err
 
 
+    def test_the_folder_of_clips_is_named_by_a_variable(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv('MOTION_DETECT_DATA', '/my/clips')
+        assert accuracy.make_parser().parse_args([]).data == Path('/my/clips')
+        monkeypatch.delenv('MOTION_DETECT_DATA')
+        assert accuracy.make_parser().parse_args([]).data == Path('../shared/data')
+        assert '(default: MOTION_DETECT_DATA, else ../shared/data)' in ' '.join(
+            accuracy.make_parser().format_help().split())
+
+
 class TestFloors:
     def guard(self, made: Path, floors: Path, *more: str) -> int:
         return accuracy.main(['--data', str(made), '--jobs', '1', '--floors', str(floors), *more])

@@ -125,6 +125,18 @@ def test_one_bad_input_among_several_is_partial(
     assert capsys.readouterr().err == f'error: {tmp_path}/no.mcap: no such file or folder\n'
 
 
+@pytest.mark.parametrize(('option', 'message'), [
+    (['--workers', '2'], 'error: --live: expected no --workers, as one graph plays one bag at a time, got 2\n'),
+    (['--fps', '30'], 'error: --live: expected no --fps, as a bag has stamps of its own, got 30\n'),
+])
+def test_options_that_say_nothing_to_nodes_are_refused(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], option: list[str], message: str,
+) -> None:
+    assert main(['replay', str(bag), '-o', str(tmp_path / 'out'), '--live', *option]) == 2
+    assert capsys.readouterr().err == message
+    assert not (tmp_path / 'out').exists()
+
+
 def test_a_cut_bag_is_partial_and_its_frames_are_kept(bag: Path, tmp_path: Path) -> None:
     cut = tmp_path / 'cut.mcap'
     content = bag.read_bytes()

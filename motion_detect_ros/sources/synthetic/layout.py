@@ -54,6 +54,7 @@ def make_plan(seed: int) -> Plan:
     step = PERIOD_M / _ROADS
 
     def streets() -> DoubleArray:
+        """(3,) centre lines, metres."""
         return np.asarray(step * (np.arange(_ROADS) + 0.35) + rng.uniform(-_ROAD_JITTER_M, _ROAD_JITTER_M, _ROADS))
 
     xs, ys = streets(), streets()

@@ -79,6 +79,7 @@ def box(
     length, width, height = size[0], size[1], high - low
 
     def cells(run: float) -> tuple[float, float]:
+        """Repetitions of the texture along a wall of ``run`` metres and up it, at least one each."""
         return (max(1.0, round(run / cell_m)), max(1.0, round(height / cell_m))) if cell_m else (1.0, 1.0)
 
     up = (0.0, 0.0, height)
