@@ -147,8 +147,9 @@ def _explained(errors, left, top, still, motion, noise, change, threshold):  # t
             column, row = int(np.rint(x)), int(np.rint(y))
             if not (0 <= column < width and 0 <= row < height):
                 continue
-            near = errors[max(0, row - slack):row + slack + 1, max(0, column - slack):column + slack + 1, 0]
-            mask[r, c] = near.max() > change
+            for near_r in range(max(0, row - slack), min(height, row + slack + 1)):
+                for near_c in range(max(0, column - slack), min(width, column + slack + 1)):
+                    mask[r, c] |= errors[near_r, near_c, 0] > change
     return mask, gain
 
 
@@ -162,6 +163,10 @@ def _median_error(current, earlier, back, points, still):  # type: ignore[no-unt
             before = _grey_before(earlier, back, x - still[r, c, 0], y - still[r, c, 1])
             counts[int(abs(_grey(current, x, y) - before))] += 1
     total = points.shape[0] * points.shape[1]
-    low = np.searchsorted(np.cumsum(counts), (total - 1) // 2, 'right')
-    high = np.searchsorted(np.cumsum(counts), total // 2, 'right')
-    return (low + high) / 2.0
+    low = high = passed = 0
+    while passed <= total // 2 and high < len(counts):
+        if passed <= (total - 1) // 2:
+            low = high
+        passed += counts[high]
+        high += 1
+    return (low + high - 1) / 2.0

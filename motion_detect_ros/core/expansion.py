@@ -9,6 +9,7 @@ import numba
 import numpy as np
 
 from motion_detect_ros.core.contact import Growth
+from motion_detect_ros.core.order_statistics import median
 from motion_detect_ros.core.track import Candidate
 from motion_detect_ros.core.types import FloatArray, FlowField
 
@@ -92,7 +93,7 @@ def _shrinkage(  # type: ignore[no-untyped-def]
     if count < MIN_CELLS:
         return 0.0, np.inf, count
     x, y, u, v = x[:count], y[:count], u[:count], v[:count]
-    weight, error = np.ones(count), np.empty(count)
+    weight, error = np.ones(count), np.empty(count, np.float32)
     scale, variance = 0.0, np.inf
     for _ in range(ROUNDS):
         scale, turn, spread, mean = _similarity(x, y, u, v, weight)
@@ -101,7 +102,7 @@ def _shrinkage(  # type: ignore[no-untyped-def]
         for n in range(count):
             px, py = x[n] - mean[0], y[n] - mean[1]
             error[n] = np.hypot(u[n] - mean[2] - scale * px + turn * py, v[n] - mean[3] - scale * py - turn * px)
-        sigma = max(MIN_SIGMA_PX, MEDIAN_TO_SIGMA * np.median(error))
+        sigma = max(MIN_SIGMA_PX, MEDIAN_TO_SIGMA * median(error))
         variance = sigma ** 2 * CELLS_A_PATCH / spread
         for n in range(count):
             weight[n] = max(0.0, 1.0 - (error[n] / (TUKEY * sigma)) ** 2) ** 2

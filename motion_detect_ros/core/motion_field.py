@@ -9,6 +9,7 @@ import numpy as np
 
 from motion_detect_ros.core.background import Background
 from motion_detect_ros.core.boxes import Box
+from motion_detect_ros.core.order_statistics import median
 from motion_detect_ros.core.segments import Segment
 from motion_detect_ros.core.types import FloatArray
 
@@ -86,7 +87,7 @@ def _median_motion(residual, rows, columns):  # type: ignore[no-untyped-def]
     for n in range(len(rows)):
         cells[0, n], cells[1, n] = residual[rows[n], columns[n], 0], residual[rows[n], columns[n], 1]
     motion = np.empty(2, np.float32)
-    motion[0], motion[1] = np.median(cells[0]), np.median(cells[1])
+    motion[0], motion[1] = median(cells[0]), median(cells[1])
     return motion
 
 
@@ -107,14 +108,14 @@ def _own_motion(residual, flow, sigma_px, top, bottom, left, right):  # type: ig
     motion = np.zeros(2, np.float32)
     if count == 0:
         return motion, 0.0, 0.0
-    limit = np.float32(np.median(length[:count]))
+    limit = median(length[:count])
     fast = 0
     for n in range(count):
         if length[n] >= limit:
             own[0, fast], own[1, fast] = own[0, n], own[1, n]
             fast += 1
-    motion[0], motion[1] = np.median(own[0, :fast]), np.median(own[1, :fast])
-    return motion, count / area, float(np.median(noise))
+    motion[0], motion[1] = median(own[0, :fast]), median(own[1, :fast])
+    return motion, count / area, float(median(noise))
 
 
 @numba.njit(cache=True, nogil=True)

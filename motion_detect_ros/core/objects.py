@@ -10,6 +10,7 @@ from motion_detect_ros.core.boxes import Box, Patch, connected_pixels, joined_pa
 from motion_detect_ros.core.config import ObjectsConfig
 from motion_detect_ros.core.evidence import ImagePair, Support, image_noise, support
 from motion_detect_ros.core.motion_field import MotionField
+from motion_detect_ros.core.order_statistics import percentile
 from motion_detect_ros.core.scoring import log_odds
 from motion_detect_ros.core.segments import Segment
 from motion_detect_ros.core.track import Candidate
@@ -74,7 +75,7 @@ class ObjectFinder:
         """
         count, labels = connected_pixels(seen.mask, self._config.closing_px)
         rows = _strong_patches(labels, count, seen.mask, seen.gain, inside, self._config.peak_share)
-        return [Patch(Box(*row[:4]), row[4]) for row in rows.tolist()]
+        return [Patch(Box(*row[:4]), row[4]) for row in rows.tolist() if row[4] >= MIN_PIXELS]
 
     def _plausible(self, patch: Patch, image_area: int) -> bool:
         config = self._config
@@ -118,32 +119,10 @@ def _pixels_of(rows, columns, grid_rows, grid_columns, left, top, right, bottom,
 
 
 @numba.njit(cache=True, nogil=True)
-def _percentile(values, percent):  # type: ignore[no-untyped-def]
-    """As ``numpy.percentile``, which takes seconds to compile; orders ``values`` (n,) anew (Hoare 1961)."""
-    rank = percent / 100.0 * (len(values) - 1)
-    below = int(rank)
-    first, last = 0, len(values) - 1
-    while first < last:
-        pivot, i, j = values[(first + last) // 2], first, last
-        while i <= j:
-            while values[i] < pivot:
-                i += 1
-            while values[j] > pivot:
-                j -= 1
-            if i <= j:
-                values[i], values[j] = values[j], values[i]
-                i, j = i + 1, j - 1
-        first, last = (first if below <= j else i), (last if below >= i else j)
-        if j < below < i:
-            break
-    low = values[below]
-    high = values[below + 1:].min() if below + 1 < len(values) else low
-    return low + np.float32(rank - below) * (high - low)
-
-
-@numba.njit(cache=True, nogil=True)
 def _strong_patches(labels, count, mask, gain, inside, peak_share):  # type: ignore[no-untyped-def]
-    """(n, 5) left, top, right, bottom, pixels: of each label that touches ``inside``, the pixels near its peak gain."""
+    """(count, 5) left, top, right, bottom, number of the pixels near the peak gain of each label; number 0 where the
+    label does not touch ``inside`` or is too small.
+    """
     height, width = labels.shape
     pixels, touches = np.zeros(count, np.int64), np.zeros(count, np.bool_)
     for y in range(height):
@@ -151,25 +130,26 @@ def _strong_patches(labels, count, mask, gain, inside, peak_share):  # type: ign
             if mask[y, x]:
                 pixels[labels[y, x]] += 1
                 touches[labels[y, x]] |= inside[y, x]
-    ends = np.cumsum(pixels)
-    filled, gains = ends - pixels, np.empty(ends[-1], np.float32)
+    starts = np.zeros(count + 1, np.int64)
+    for label in range(count):
+        starts[label + 1] = starts[label] + pixels[label]
+    filled, gains = starts.copy(), np.empty(starts[count], np.float32)
     for y in range(height):
         for x in range(width):
             if mask[y, x]:
                 gains[filled[labels[y, x]]] = gain[y, x]
                 filled[labels[y, x]] += 1
-    limits = np.full(count, np.inf, np.float32)
+    limits, patches = np.empty(count, np.float32), np.zeros((count, 5), np.int64)
     for label in range(count):
+        limits[label], patches[label, 0], patches[label, 1] = np.inf, width, height
         if touches[label] and pixels[label] >= MIN_PIXELS:
-            of_label = gains[ends[label] - pixels[label]:ends[label]]
-            limits[label] = np.float32(peak_share) * _percentile(of_label, PEAK_PERCENTILE)
-    patches = np.zeros((count, 5), np.int64)
-    patches[:, 0], patches[:, 1] = width, height
+            of_label = gains[starts[label]:starts[label + 1]]
+            limits[label] = np.float32(peak_share) * percentile(of_label, PEAK_PERCENTILE)
     for y in range(height):
         for x in range(width):
             if mask[y, x] and gain[y, x] > limits[labels[y, x]]:
-                patch = patches[labels[y, x]]
-                patch[0], patch[1] = min(patch[0], x), min(patch[1], y)
-                patch[2], patch[3] = max(patch[2], x + 1), max(patch[3], y + 1)
-                patch[4] += 1
-    return patches[patches[:, 4] >= MIN_PIXELS]
+                label = labels[y, x]
+                patches[label, 0], patches[label, 1] = min(patches[label, 0], x), min(patches[label, 1], y)
+                patches[label, 2], patches[label, 3] = max(patches[label, 2], x + 1), max(patches[label, 3], y + 1)
+                patches[label, 4] += 1
+    return patches

@@ -87,12 +87,19 @@ def _members(labels, component, neurons):  # type: ignore[no-untyped-def]
     (6,): where its cells end, the neuron most of them have (the first of equals), left, top, right, bottom.
     """
     rows, columns = labels.shape
-    count = component.max() if component.size else 0
-    sizes = np.bincount(component.ravel(), minlength=count + 1)
-    sizes[0] = 0
-    ends = np.cumsum(sizes)
-    next_at = ends - sizes
-    row_of, column_of = np.empty(ends[-1], np.int64), np.empty(ends[-1], np.int64)
+    count = 0
+    for r in range(rows):
+        for c in range(columns):
+            count = max(count, component[r, c])
+    starts = np.zeros(count + 2, np.int64)  # of component n: starts[n] .. starts[n + 1]
+    for r in range(rows):
+        for c in range(columns):
+            if component[r, c] > 0:
+                starts[component[r, c] + 1] += 1
+    for number in range(1, count + 1):
+        starts[number + 1] += starts[number]
+    next_at = starts.copy()
+    row_of, column_of = np.empty(starts[-1], np.int64), np.empty(starts[-1], np.int64)
     for r in range(rows):
         for c in range(columns):
             number = component[r, c]
@@ -100,15 +107,15 @@ def _members(labels, component, neurons):  # type: ignore[no-untyped-def]
                 row_of[next_at[number]], column_of[next_at[number]] = r, c
                 next_at[number] += 1
     summaries = np.empty((count, 6), np.int64)
-    votes = np.zeros(neurons, np.int64)
     for number in range(1, count + 1):
-        votes[:] = 0
-        left, right = columns, 0
-        start, end = ends[number] - sizes[number], ends[number]
+        votes, left, right, most = np.zeros(neurons, np.int64), columns, 0, 0
+        start, end = starts[number], starts[number + 1]
         for n in range(start, end):
             votes[labels[row_of[n], column_of[n]]] += 1
             left, right = min(left, column_of[n]), max(right, column_of[n] + 1)
-        summaries[number - 1, 0], summaries[number - 1, 1] = end, votes.argmax()
+        for neuron in range(neurons):
+            most = neuron if votes[neuron] > votes[most] else most
+        summaries[number - 1, 0], summaries[number - 1, 1] = end, most
         summaries[number - 1, 2], summaries[number - 1, 3] = left, row_of[start]
         summaries[number - 1, 4], summaries[number - 1, 5] = right, row_of[end - 1] + 1
     return row_of, column_of, summaries
