@@ -32,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--parts', help=f'some of {",".join(PARTS)}, separated by commas; the others stay as the '
                                         'file of --json has them; default: all')
     parser.add_argument('--no-nodes', action='store_true', help='leave the nodes out, measure in this process only')
+    parser.add_argument('--soak', type=Path, help='summary.json of tools.soak, for the document')
     parser.add_argument('--json', type=Path, help='write the figures here too')
     parser.add_argument('--markdown', type=Path, help='write the document here, pictures to images/ beside it')
 
@@ -42,6 +43,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise ConfigError(f'--frames: expected {MIN_FRAMES} or more, got {arguments.frames}')
     parts = chosen(arguments.parts, arguments.no_nodes)
     figures = {**_earlier(arguments), 'machine': machine(), 'preset': arguments.preset, 'frames': arguments.frames}
+    if arguments.soak:
+        figures['soak'] = _read(arguments.soak)
     for part in tqdm(parts, unit='part', disable=None):
         figures[part] = PARTS[part](arguments)
         _write(arguments, figures)
@@ -50,13 +53,23 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _earlier(arguments: argparse.Namespace) -> dict[str, Any]:
-    """With ``--parts``: the other parts as the file of ``--json`` has them. Raises: ConfigError for another file."""
-    if not (arguments.parts and arguments.json and arguments.json.is_file()):
+    """What the file of ``--json`` has: with ``--parts`` the other parts, else what is not measured here.
+
+    Raises: ConfigError for another file.
+    """
+    if not (arguments.json and arguments.json.is_file()):
         return {}
+    figures = _read(arguments.json)
+    return figures if arguments.parts else {name: figures[name] for name in ('soak',) if name in figures}
+
+
+def _read(path: Path) -> dict[str, Any]:
     try:
-        return dict(json.loads(arguments.json.read_text(encoding='utf-8')))
+        return dict(json.loads(path.read_text(encoding='utf-8')))
+    except OSError as error:
+        raise ConfigError(f'{path}: figures cannot be read: {error.strerror}') from None
     except ValueError as error:
-        raise ConfigError(f'{arguments.json}: expected figures of an earlier run, got {error}') from None
+        raise ConfigError(f'{path}: expected figures of an earlier run, got {error}') from None
 
 
 def _write(arguments: argparse.Namespace, figures: dict[str, Any]) -> None:

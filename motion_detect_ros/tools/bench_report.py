@@ -44,8 +44,12 @@ converted, which takes longer.''',
 process that published it. Compute: sum of the medians that the nodes report themselves; beyond: what is left of the
 median latency, waiting for a busy stage included. All processes share the cores. Fast DDS profile and allocator
 settings as shipped (`bridge/transport.py`, `allocator.py`).''',
-    'start': 'Seconds from the start of the process `pipeline` to its first message, while pictures come.',
+    'start': '''From the start of the process `pipeline` to its first message, while pictures come, and its memory
+then. The process that compiles the kernels, the first after an installation, keeps the compiler's memory for good.''',
     'memory': 'Resident memory of `pipeline`, fed with 960x540 at 20 Hz.',
+    'soak': '''`python -m motion_detect_ros.tools.soak --minutes 30 -o out/soak`, put here by `bench --soak
+out/soak/summary.json`: `pipeline` under a steady stream of 960x540 at 20 Hz. Memory after the first quarter and at the
+end; dropped: by the node, which says so; lost: on the way.''',
 }
 
 
@@ -116,15 +120,23 @@ def _transport(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def _start(row: dict[str, Any]) -> list[str]:
-    return _table(('kernels', 'seconds', 'goal'), (
-        ('in the cache of numba', f'{row["warm_s"]:.1f}', f'{WARM_GOAL_S:.0f}'),
-        ('compiled first', f'{row["cold_s"]:.1f}', f'{COLD_GOAL_S:.0f}')))
+    return _table(('kernels', 'seconds', 'goal', 'MB'), (
+        ('in the cache of numba', f'{row["warm_s"]:.1f}', f'{WARM_GOAL_S:.0f}', f'{row["warm_mb"]:.0f}'),
+        ('compiled first', f'{row["cold_s"]:.1f}', f'{COLD_GOAL_S:.0f}', f'{row["cold_mb"]:.0f}')))
 
 
 def _memory(row: dict[str, Any]) -> list[str]:
     return _table(('after pictures', 'MB', 'goal'), (
         (str(row[count]), f'{row[size]:.0f}', f'{MEMORY_GOAL_MB:.0f}')
         for count, size in (('early_frames', 'early_mb'), ('frames', 'mb'))))
+
+
+def _soak(row: dict[str, Any]) -> list[str]:
+    names = ('minutes', 'pictures', 'answered', 'dropped', 'lost', 'memory, MB', 'growth, MB/h', 'median, ms', 'p95')
+    return _table(names, [(
+        f'{row["minutes"]:.0f}', str(row['sent']), str(row['answered']), str(row['dropped']), str(row['lost']),
+        f'{row["memory_first_mb"]:.1f} to {row["memory_last_mb"]:.1f}', f'{row["growth_mb_per_hour"]:.1f}',
+        f'{row["latency_p50_ms"]:.1f}', f'{row["latency_p95_ms"]:.1f}')])
 
 
 def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
@@ -144,4 +156,5 @@ SECTIONS: dict[str, tuple[str, Any]] = {
     'transport': ('From image to detections', _transport),
     'start': ('Start', _start),
     'memory': ('Memory', _memory),
+    'soak': ('For long', _soak),
 }

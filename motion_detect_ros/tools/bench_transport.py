@@ -62,10 +62,14 @@ class Memory:
 
 @dataclass(frozen=True)
 class StartUp:
-    """Seconds from the start of the ``pipeline`` process to its first message, kernels cached and not."""
+    """From the start of the ``pipeline`` process to its first message, kernels cached and not: seconds, and the
+    process's resident megabytes then.
+    """
 
     warm_s: float
     cold_s: float
+    warm_mb: float
+    cold_mb: float
 
 
 def pictures(width: int = 960, height: int = 540) -> list[ByteArray]:
@@ -135,20 +139,20 @@ def memory(preset: str, frames: int) -> Memory:
 def start_up(preset: str) -> StartUp:
     """The second of two starts for the warm figure, so that the cache is full; a new cache for the cold one."""
     with tempfile.TemporaryDirectory(prefix='numba_cold_') as folder:
-        cold_s = first_answer_s(preset, {'NUMBA_CACHE_DIR': folder})
-        warm_s = first_answer_s(preset, {'NUMBA_CACHE_DIR': folder})
-    return StartUp(round(warm_s, 2), round(cold_s, 2))
+        cold_s, cold_mb = first_answer(preset, {'NUMBA_CACHE_DIR': folder})
+        warm_s, warm_mb = first_answer(preset, {'NUMBA_CACHE_DIR': folder})
+    return StartUp(round(warm_s, 2), round(cold_s, 2), warm_mb, cold_mb)
 
 
-def first_answer_s(preset: str, variables: dict[str, str]) -> float:
-    """Seconds from the start of a ``pipeline`` process, while pictures come, to its first detections message."""
+def first_answer(preset: str, variables: dict[str, str]) -> tuple[float, float]:
+    """Seconds from the start of a ``pipeline`` process, while pictures come, to its first detections; its megabytes."""
     domain = own_domain()
     with Feeder(domain, pictures(), RATE_HZ) as feeder:
         feeder.go()
         start_s = time.monotonic()
         with NodeProcesses(('pipeline',), domain, parameters(preset), variables) as processes:
             await_that(lambda: bool(feeder.take()), processes, START_TIMEOUT_S)
-            return time.monotonic() - start_s
+            return time.monotonic() - start_s, processes.memory_mb('pipeline')
 
 
 def await_nodes(feeder: Feeder, processes: NodeProcesses, count: int) -> None:
