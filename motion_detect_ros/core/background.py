@@ -13,15 +13,13 @@ import cv2
 import numpy as np
 
 from motion_detect_ros.core.config import BackgroundConfig
-from motion_detect_ros.core.robust_fit import TUKEY_C
+from motion_detect_ros.core.robust import RAYLEIGH_MEDIAN, TUKEY_C, rayleigh_sigma
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 
 #: Cells used for the fit at most; more would not change it.
 MAX_SAMPLES = 4000
 #: Re-weighting rounds; the fit is stable after four to six.
 ITERATIONS = 6
-#: Median length of a two-component error, in deviations of one component (Rayleigh's distribution): sqrt(2 ln 2).
-RAYLEIGH_MEDIAN = 1.1774
 #: Share of its trace added to the normal matrix: points on one line do not determine a surface.
 RIDGE = 1e-10
 #: Fewer valid cells than this say nothing about the background.
@@ -83,6 +81,21 @@ def fit_background(residual: FloatArray, config: BackgroundConfig, magnitude: Fl
     return Background(_surface(solution, x, y), (base + config.noise_share * magnitude).astype(np.float32))
 
 
+def background_in_space(
+    residual: FloatArray, own: DoubleArray, flow: FloatArray, config: BackgroundConfig,
+) -> Background:
+    """The background of static points at any depth.
+
+    residual, flow: (gh, gw, 2) pixels, without and with the ego-motion, NaN = invalid; own: (gh, gw, 2) what no static
+    point can do of it. The noise is the measured spread of the latter plus a share of the flow.
+    """
+    known = np.isfinite(residual[..., 0])
+    sigma = max(config.noise_floor_px, rayleigh_sigma(np.hypot(own[..., 0], own[..., 1])[known]))
+    length = np.hypot(flow[..., 0], flow[..., 1])
+    sigma_px = sigma + config.depth_noise_share * np.nan_to_num(length)
+    return Background((residual - own).astype(np.float32), sigma_px.astype(np.float32), smooth=False)
+
+
 def _surface(solution: DoubleArray, x: DoubleArray, y: DoubleArray) -> FloatArray:
     """(len(y), len(x), 2) float32: the quadratic with coefficients (6, 2) of 1, x, y, x^2, x y, y^2."""
     columns, rows = len(x), y.astype(np.float32)[:, None]
@@ -126,8 +139,3 @@ def _squared_error(design: DoubleArray, target: DoubleArray, solution: DoubleArr
 def _sigma(squared: DoubleArray) -> float:
     middle = squared.size // 2
     return math.sqrt(np.partition(squared, middle)[middle]) / RAYLEIGH_MEDIAN
-
-
-def rayleigh_sigma(distance: DoubleArray) -> float:
-    """Deviation of one component from the median length of a two-component error."""
-    return float(np.median(distance)) / RAYLEIGH_MEDIAN

@@ -23,6 +23,7 @@ from motion_detect_ros.core.epipolar import (
     normalised,
     refine_motion,
 )
+from motion_detect_ros.core.robust import MAD_TO_SIGMA, tukey_weights
 from motion_detect_ros.core.static_scene import ground_below, guessed_camera
 from motion_detect_ros.core.types import CameraModel, CameraMotionInSpace, DoubleArray, FloatArray
 
@@ -38,10 +39,8 @@ CLEARLY_OFF_PX = 0.5
 RIVAL_SHARE, RIVAL_PX = 1.1, 0.005
 #: ... and goes elsewhere where the cosine between the directions is under this (10 degrees).
 SAME_DIRECTION = 0.985
-#: Tukey's constant and re-weighting rounds of the turn alone.
-TUKEY_C, ROUNDS = 4.685, 8
-#: Gaussian consistency factor of the median absolute deviation.
-MAD_TO_SIGMA = 1.4826
+#: Re-weighting rounds of the turn alone.
+ROUNDS = 8
 
 
 class CameraMotionEstimator:
@@ -140,7 +139,7 @@ def turn_alone(q: DoubleArray, p: DoubleArray) -> DoubleArray:
         u, _, vt = np.linalg.svd((seen * weight[:, None]).T @ rays)
         rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
         error = np.hypot(*_left_by(rotation, q, p).T)
-        weight = np.clip(1.0 - (error / (TUKEY_C * max(float(np.median(error)), 1e-9))) ** 2, 0.0, None) ** 2
+        weight = tukey_weights(error, max(float(np.median(error)), 1e-9))
     return rotation
 
 

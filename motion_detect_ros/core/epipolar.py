@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from motion_detect_ros.core.robust import MAD_TO_SIGMA, tukey_weights
 from motion_detect_ros.core.types import BoolArray, CameraModel, DoubleArray, FloatArray
 
 #: Correspondences used at most, and needed at least.
@@ -20,8 +21,8 @@ MAX_SAMPLES, MIN_SAMPLES = 1500, 60
 INLIER_PX = 1.0
 #: Share of agreeing correspondences from which the refined motion of the last frame is good enough as a start.
 TRUSTED_SHARE = 0.7
-#: Re-weighting rounds, Tukey's constant, and the smallest deviation the weights assume, pixels.
-REFINE_ROUNDS, TUKEY_C, MIN_SIGMA_PX = 8, 4.685, 0.15
+#: Re-weighting rounds, and the smallest deviation the weights assume, pixels.
+REFINE_ROUNDS, MIN_SIGMA_PX = 8, 0.15
 #: Steps below this end the rounds, radians; added to the squared length of a line's direction, which may be zero.
 SMALL_RAD, LENGTH_FLOOR = 1e-6, 1e-6
 
@@ -124,9 +125,8 @@ def refine_motion(q: DoubleArray, p: DoubleArray, start: CameraMotion, focal_px:
     for _ in range(REFINE_ROUNDS):
         tilts = _tilts(direction)
         error, jacobian = _linearised(q, p, rotation, direction, tilts)
-        sigma = max(MIN_SIGMA_PX / focal_px, 1.4826 * float(np.median(np.abs(error))))
-        weight = np.clip(1.0 - (error / (TUKEY_C * sigma)) ** 2, 0.0, None) ** 2
-        weighted = jacobian * weight
+        sigma = max(MIN_SIGMA_PX / focal_px, MAD_TO_SIGMA * float(np.median(np.abs(error))))
+        weighted = jacobian * tukey_weights(error, sigma)
         step = -np.asarray(np.linalg.solve(weighted @ jacobian.T + 1e-9 * np.eye(5), weighted @ error), np.float64)
         rotation = np.asarray(cv2.Rodrigues(step[:3])[0], np.float64) @ rotation
         direction = direction + step[3:] @ tilts

@@ -20,6 +20,7 @@ import numba
 import numpy as np
 
 from motion_detect_ros.core.boxes import Box
+from motion_detect_ros.core.robust import MAD_TO_SIGMA
 from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
 from motion_detect_ros.core.warp import inverse
 
@@ -84,7 +85,7 @@ def image_noise(pair: ImagePair, points: FloatArray, background: FloatArray) -> 
     points: (n, m, 2) sample positions; background: (n, m, 2) motion beyond the ego-motion there, working pixels.
     """
     spread = _median_error(*pair.pictures, pair.back, points, background)
-    return max(MIN_NOISE_GRAY, 1.4826 * float(spread))
+    return max(MIN_NOISE_GRAY, MAD_TO_SIGMA * float(spread))
 
 
 @numba.njit(cache=True, nogil=True)

@@ -10,6 +10,7 @@ import numpy as np
 
 from motion_detect_ros.core.contact import Growth
 from motion_detect_ros.core.order_statistics import median
+from motion_detect_ros.core.robust import RAYLEIGH_MEDIAN, TUKEY_C
 from motion_detect_ros.core.track import Candidate
 from motion_detect_ros.core.types import FloatArray, FlowField
 
@@ -17,10 +18,8 @@ from motion_detect_ros.core.types import FloatArray, FlowField
 MIN_CELLS = 20
 #: Share of the object's motion that a cell of it has at least; what has less is the seam that flow draws to the ground.
 MOTION_SHARE = 0.75
-#: Re-weighting rounds and the constant of Tukey's biweight, in deviations.
-ROUNDS, TUKEY = 5, 4.685
-#: Median length of a two-component error -> deviation of one component; the least deviation believed, pixels.
-MEDIAN_TO_SIGMA, MIN_SIGMA_PX = 1.0 / 1.1774, 0.02
+#: Re-weighting rounds, and the least deviation believed, pixels.
+ROUNDS, MIN_SIGMA_PX = 5, 0.02
 #: Cells whose errors go together: flow is smooth over patches of about four by four cells.
 CELLS_A_PATCH = 16.0
 #: Nothing was smaller than this share of what it is now.
@@ -102,10 +101,10 @@ def _shrinkage(  # type: ignore[no-untyped-def]
         for n in range(count):
             px, py = x[n] - mean[0], y[n] - mean[1]
             error[n] = np.hypot(u[n] - mean[2] - scale * px + turn * py, v[n] - mean[3] - scale * py - turn * px)
-        sigma = max(MIN_SIGMA_PX, MEDIAN_TO_SIGMA * median(error))
+        sigma = max(MIN_SIGMA_PX, median(error) / RAYLEIGH_MEDIAN)
         variance = sigma ** 2 * CELLS_A_PATCH / spread
         for n in range(count):
-            weight[n] = max(0.0, 1.0 - (error[n] / (TUKEY * sigma)) ** 2) ** 2
+            weight[n] = max(0.0, 1.0 - (error[n] / (TUKEY_C * sigma)) ** 2) ** 2
     return scale, variance, count
 
 

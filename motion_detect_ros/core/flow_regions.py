@@ -7,12 +7,11 @@ import numpy as np
 import numpy.typing as npt
 
 from motion_detect_ros.core.flow_backends import FlowFunction
+from motion_detect_ros.core.robust import rayleigh_sigma
 from motion_detect_ros.core.types import BoolArray, ByteArray, FloatArray
 
 #: A cell moves that differs from the median of the field by so many deviations, and pixels at least.
 MOVING_SIGMA, MIN_MOVING_PX = 4.0, 1.0
-#: Deviation of one component from the median length of a two-component error.
-MEDIAN_TO_SIGMA = 1.0 / 1.1774
 #: Pixels kept around moving cells, and computed around what is kept: methods are worst at the border of a picture.
 AROUND_PX, CONTEXT_PX = 32, 16
 
@@ -48,7 +47,7 @@ def moving_cells(shift: FloatArray) -> BoolArray:
     error = shift - np.nanmedian(shift, axis=(0, 1)) if np.isfinite(shift).any() else shift
     length = np.hypot(error[..., 0], error[..., 1])
     known = length[np.isfinite(length)]
-    sigma = MEDIAN_TO_SIGMA * float(np.median(known)) if known.size else 0.0
+    sigma = rayleigh_sigma(known) if known.size else 0.0
     moving: BoolArray = length > max(MIN_MOVING_PX, MOVING_SIGMA * sigma)
     return moving
 

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from motion_detect_ros.core.block_matching import block_error, match_blocks, refine
+from motion_detect_ros.core.robust import MAD_TO_SIGMA
 from motion_detect_ros.core.types import BoolArray, ByteArray, FloatArray
 
 #: Half side of the blocks matched at half resolution, refined at full, and judging a cell, pixels.
@@ -31,8 +32,6 @@ MIN_VOTES, AGREE_PX, MAX_MOTIONS = 2, 1.5, 3
 #: Motions closer to the found flow are left to the flow method: what is not fast it sees.
 MIN_DIFFERENCE_PX = 2.0
 
-#: Pixel deviation of a difference of two pictures from its median absolute value (Gaussian).
-MEDIAN_TO_SIGMA = 1.4826
 _AROUND = np.ones((3, 3), np.uint8)
 
 Integers = npt.NDArray[np.int64]
@@ -76,7 +75,7 @@ def unexplained(picture: ByteArray, other: ByteArray, rows: int, columns: int) -
 
 
 def _noise(current: ByteArray, earlier: ByteArray) -> float:
-    return float(MEDIAN_TO_SIGMA * np.median(cv2.absdiff(current[::8, ::8], earlier[::8, ::8])))
+    return float(MAD_TO_SIGMA * np.median(cv2.absdiff(current[::8, ::8], earlier[::8, ::8])))
 
 
 def _clusters(changed: BoolArray) -> npt.NDArray[np.int32]:

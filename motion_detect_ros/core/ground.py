@@ -6,14 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from motion_detect_ros.core.robust import tukey_weights
 from motion_detect_ros.core.types import DoubleArray
 
 #: Points used at most and needed at least, and random planes tried.
 MAX_POINTS, MIN_POINTS, TRIALS = 1200, 60, 60
 #: Distance to the plane up to which a point agrees, deviations; share of points that must agree.
 AGREE_SIGMAS, MIN_SHARE = 2.0, 0.3
-#: Tukey's constant and re-weighting rounds.
-TUKEY_C, ROUNDS = 4.685, 6
+#: Re-weighting rounds.
+ROUNDS = 6
 #: How far real ground may be behind the plane: share of its inverse depth, and tilt of the horizon, radians.
 DEPTH_SLACK, TILT_SLACK_RAD = 0.15, 0.01
 
@@ -45,7 +46,7 @@ def fit_ground(points: DoubleArray, inverse_depth: DoubleArray, sigma: DoubleArr
     plane = _consensus(design, target, sigma)
     for _ in range(ROUNDS):
         error = (design @ plane - target) / sigma
-        weighted = design * (np.clip(1.0 - (error / TUKEY_C) ** 2, 0.0, None) ** 2 / sigma ** 2)[:, None]
+        weighted = design * (tukey_weights(error) / sigma ** 2)[:, None]
         plane = np.asarray(np.linalg.lstsq(weighted.T @ design, weighted.T @ target, rcond=None)[0], np.float64)
     share = float((np.abs(design @ plane - target) < AGREE_SIGMAS * sigma).mean())
     return GroundPlane(plane) if share >= MIN_SHARE and plane[1] > 0.0 else None

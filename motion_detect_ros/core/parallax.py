@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from motion_detect_ros.core.background import Background, rayleigh_sigma
+from motion_detect_ros.core.background import Background, background_in_space
 from motion_detect_ros.core.config import BackgroundConfig
 from motion_detect_ros.core.types import DoubleArray, FloatArray
 from motion_detect_ros.core.warp import apply, grid_points
@@ -62,10 +62,7 @@ def fit_parallax_background(
     if model is None:
         return None
     own = now - model.nearest(earlier, now)
-    sigma = max(config.noise_floor_px, rayleigh_sigma(np.hypot(own[..., 0], own[..., 1])[known]))
-    length = np.hypot(flow[..., 0], flow[..., 1])
-    sigma_px = sigma + config.depth_noise_share * np.nan_to_num(length)
-    return Background((residual - own).astype(np.float32), sigma_px.astype(np.float32), smooth=False)
+    return background_in_space(residual, own, flow, config)
 
 
 def fit_plane_parallax(earlier: DoubleArray, now: DoubleArray, width: int) -> PlaneParallax | None:

@@ -21,7 +21,7 @@ from motion_detect_ros.core.motion_models import (
     normalised,
     theta_matrix,
 )
-from motion_detect_ros.core.robust_fit import MAD_TO_SIGMA, TUKEY_C
+from motion_detect_ros.core.robust import MAD_TO_SIGMA, tukey_weights
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 from motion_detect_ros.core.warp import inverse
 
@@ -164,8 +164,7 @@ def _compare(
     if known.sum() <= MIN_OVERLAP * len(errors):
         return errors, np.zeros(len(errors))
     sigma = max(MAD_TO_SIGMA * float(np.median(np.abs(errors[known] - np.median(errors[known])))), MIN_SIGMA_GRAY)
-    weights: DoubleArray = np.clip(1.0 - (errors / (TUKEY_C * sigma)) ** 2, 0.0, None) ** 2
-    return np.nan_to_num(errors), np.nan_to_num(weights)
+    return np.nan_to_num(errors), np.nan_to_num(tukey_weights(errors, sigma))
 
 
 def _solve(

@@ -7,12 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from motion_detect_ros.core.motion_models import ModelFamily, displacement, jacobian, matrix_theta, normalised
+from motion_detect_ros.core.robust import MAD_TO_SIGMA, TUKEY_C
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray, MotionModel
 
-#: Tukey's tuning constant for 95 % efficiency under Gaussian noise, in standard deviations.
-TUKEY_C = 4.685
-#: Gaussian consistency factor of the median absolute deviation.
-MAD_TO_SIGMA = 1.4826
 #: Localisation noise no tracker gets under, pixels.
 MIN_SIGMA_PX = 0.02
 #: Re-weighting rounds; the fit is stable after four to six.

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from motion_detect_ros.core.background import Background, rayleigh_sigma
+from motion_detect_ros.core.background import Background, background_in_space
 from motion_detect_ros.core.config import BackgroundConfig
 from motion_detect_ros.core.epipolar import CameraMotion, epipolar_lines, estimate_motion, normalised
 from motion_detect_ros.core.ground import GroundPlane, fit_ground
@@ -57,11 +57,7 @@ def fit_static_scene(
     ground = ground_below(earlier, lines.inverse_depth(s), reach_px, known & (now[..., 1] > 0.0))
     least = ground.least_inverse_depth(earlier) if ground else np.zeros_like(s)
     own = (now - lines.at(np.maximum(s, lines.from_inverse_depth(least)))) * [camera.fx, camera.fy]
-    sigma = max(config.noise_floor_px, rayleigh_sigma(np.hypot(own[..., 0], own[..., 1])[known]))
-    length = np.hypot(flow[..., 0], flow[..., 1])
-    sigma_px = sigma + config.depth_noise_share * np.nan_to_num(length)
-    background = Background((residual - own).astype(np.float32), sigma_px.astype(np.float32), smooth=False)
-    return StaticScene(background, motion, ground)
+    return StaticScene(background_in_space(residual, own, flow, config), motion, ground)
 
 
 def ground_below(

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
 import numpy as np
@@ -87,7 +86,7 @@ class CameraModel:
         A camera that does not tell its size is taken for one of this size.
         """
         if not self.width or not self.height:
-            return dataclasses.replace(self, width=width, height=height)
+            return replace(self, width=width, height=height)
         if (width, height) == (self.width, self.height):
             return self
         across, down = width / self.width, height / self.height

@@ -9,6 +9,7 @@ import os
 import re
 import time
 from argparse import Namespace
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -16,6 +17,7 @@ import pytest
 
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError, SourceError
+from motion_detect_ros.core.types import StageTimes
 from motion_detect_ros.sources.synthetic import FlightConfig
 from motion_detect_ros.tools import bench, bench_curves, bench_plot, bench_report, bench_stages, bench_timing
 from motion_detect_ros.tools.bench_curves import Curve, Point, slope
@@ -141,7 +143,17 @@ def test_a_long_run_is_put_into_the_document_and_stays(tmp_path):
         bench.run(arguments)
 
 
-def test_stage_table_adds_up():
+def test_stage_table_adds_up(monkeypatch: pytest.MonkeyPatch):
+    times = StageTimes(1.0, 2.0, 4.0, 8.0)
+    monkeypatch.setattr(bench_stages.MotionPipeline, 'process', lambda *_: SimpleNamespace(times_ms=times))
+    frames = [(None, stamp) for stamp in range(12)]
+    rows = bench_stages.stage_times(PipelineConfig(), frames)
+    assert {row.name: (row.p50, row.p95) for row in rows[:-1]} == {
+        'preprocessing': (1.0, 1.0), 'ego_motion': (2.0, 2.0), 'optical_flow': (4.0, 4.0), 'clustering': (8.0, 8.0),
+        'total': (15.0, 15.0)}
+
+
+def test_stage_table_of_a_flight():
     frames = bench_timing.flight(FlightConfig(width=320, height=180, frames=12))
     rows = {row.name: row for row in bench_stages.stage_times(PipelineConfig(), frames)}
     assert list(rows) == ['preprocessing', 'ego_motion', 'optical_flow', 'clustering', 'total', 'processor']
