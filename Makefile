@@ -39,8 +39,8 @@ lint: $(STAMP)
 
 # The tests of optional flow methods and of TrackEval, in an environment of their own: contrib replaces the OpenCV of .venv.
 test-extras: $(EXTRAS)/.ready
-	$(EXTRAS)/bin/python -m pytest -p no:cacheprovider test/core/test_optical_flow.py test/core/test_optical_flow_onnx.py \
-	  test/tools/test_tracking.py
+	$(EXTRAS)/bin/python -m pytest -p no:cacheprovider test/core/optical_flow/test_optical_flow.py \
+	  test/core/flow_methods/test_onnx_flow.py test/benchmarks/test_tracking.py
 
 $(EXTRAS)/.ready: setup.py
 	$(PYTHON) -m venv $(EXTRAS)

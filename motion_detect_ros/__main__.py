@@ -23,13 +23,14 @@ os.environ.setdefault('OPENCV_LOG_LEVEL', 'SILENT')
 
 WRONG_USE, PARTIAL = 2, 3
 
-_TOOLS = {
-    'demo': 'the main job on a built-in flight, over real nodes',
-    'convert': 'data set, image folder or video to a bag (MCAP)',
-    'replay': 'recordings through the detector, offline',
-    'evaluate': 'detections against ground truth',
-    'inspect': 'what a bag holds and what of it is damaged',
-    'bench': 'time per stage, and from image to detections',
+#: Command -> module that has ``add_arguments`` and ``run``, and what it does in a few words.
+_COMMANDS = {
+    'demo': ('cli.demo', 'the main job on a built-in flight, over real nodes'),
+    'convert': ('cli.convert', 'data set, image folder or video to a bag (MCAP)'),
+    'replay': ('cli.replay', 'recordings through the detector, offline'),
+    'evaluate': ('cli.evaluate', 'detections against ground truth'),
+    'inspect': ('cli.inspect', 'what a bag holds and what of it is damaged'),
+    'bench': ('benchmarks.bench', 'time per stage, and from image to detections'),
 }
 
 
@@ -50,13 +51,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from motion_detect_ros.core.errors import MotionDetectError
     parser = OneLineParser(prog='motion_detect_ros', description='Moving-object detection from a moving camera.')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    for name, text in _TOOLS.items():
+    for name, (module, text) in _COMMANDS.items():
         sub = commands.add_parser(name, help=text, description=text)
         if words[:1] == [name]:
-            importlib.import_module(f'motion_detect_ros.tools.{name}').add_arguments(sub)
-    arguments = parser.parse_args(words)
+            importlib.import_module(f'motion_detect_ros.{module}').add_arguments(sub)
+    options = parser.parse_args(words)
     try:
-        return int(importlib.import_module(f'motion_detect_ros.tools.{arguments.command}').run(arguments))
+        module, _ = _COMMANDS[options.command]
+        return int(importlib.import_module(f'motion_detect_ros.{module}').run(options))
     except MotionDetectError as error:
         print(f'error: {error}', file=sys.stderr)
         return WRONG_USE

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from motion_detect_ros.core.art2 import make_art2
-from motion_detect_ros.core.art2_memory import Art2Memory, LabelArray, VectorsError
+from motion_detect_ros.core.clustering.art2 import make_art2
+from motion_detect_ros.core.clustering.art2_network import Art2Network, LabelArray, VectorsError
 from motion_detect_ros.core.config import Art2Config
 from motion_detect_ros.core.errors import ConfigError, MotionDetectError
 from motion_detect_ros.core.settings import Scalar, with_settings
@@ -40,7 +40,7 @@ class Art2Clusterer:
     n_features_in_: int
 
     def __init__(self, **parameters: Scalar) -> None:
-        self._memory: Art2Memory[Any] | None = None
+        self._memory: Art2Network[Any] | None = None
         for field in dataclasses.fields(Art2Config):
             setattr(self, field.name, field.default)
         self.set_params(**parameters)
@@ -103,7 +103,7 @@ class Art2Clusterer:
         """``labels_`` of ``fit``."""
         return self.fit(X).labels_
 
-    def _present(self, memory: Art2Memory[Any], vectors: FloatArray) -> Art2Clusterer:
+    def _present(self, memory: Art2Network[Any], vectors: FloatArray) -> Art2Clusterer:
         self.labels_ = memory.partial_fit(vectors)
         self.cluster_centers_ = memory.prototypes.copy()
         self.names_ = memory.names.copy()

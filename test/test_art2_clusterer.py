@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from motion_detect_ros.art2_clusterer import Art2Clusterer, NotFittedError
-from motion_detect_ros.core.art2 import make_art2
-from motion_detect_ros.core.art2_memory import VectorsError
+from motion_detect_ros.core.clustering.art2 import make_art2
+from motion_detect_ros.core.clustering.art2_network import VectorsError
 from motion_detect_ros.core.config import Art2Config
 from motion_detect_ros.core.errors import ConfigError
 

@@ -1,7 +1,9 @@
 """The layers of the package: who may import whom, and how long anything may be.
 
     core <- sources <- bridge <- nodes
-      ^--------^----------^----- tools
+      ^--------^----------^----- cli <- benchmarks
+
+and, within ``core``, which room may import which: a frame goes through them in the order of ``ROOMS``.
 """
 
 from __future__ import annotations
@@ -18,7 +20,12 @@ import pytest
 
 PACKAGE = 'motion_detect_ros'
 ROOT = Path(__file__).resolve().parent.parent / PACKAGE
-LAYERS = ('core', 'sources', 'bridge', 'nodes', 'tools')
+LAYERS = ('core', 'sources', 'bridge', 'nodes', 'cli', 'benchmarks')
+#: The rooms of the core, each allowed to import itself and those before it; '' is what stands outside of any room.
+ROOMS = ('geometry', 'preprocessing', 'flow_methods', 'ego_motion', 'optical_flow', 'background', 'clustering',
+         'detection', 'tracking')
+#: Modules of the core outside of rooms that every room may import; all others put rooms together.
+FOUNDATION = ('errors', 'types', 'settings', 'config', 'regions')
 
 MAX_MODULE_LINES, MAX_NODE_LINES, MAX_FUNCTION_LINES = 300, 150, 60
 
@@ -29,9 +36,10 @@ FORBIDDEN = {
     '': rf'rosidl\w*|lark|cv_bridge|{MESSAGES}',
     'core': rf'{ROS}|{PACKAGE}\.(?!core\b).*',
     'sources': rf'{ROS}|{PACKAGE}\.(?!core\b|sources\b).*',
-    'bridge': rf'rosidl\w*|lark|cv_bridge|{PACKAGE}\.(nodes|tools)',
-    'nodes': rf'cv2|numba|scipy|rosidl\w*|cv_bridge|{MESSAGES}|{PACKAGE}\.tools',
-    'tools': rf'rosidl\w*|lark|cv_bridge|{MESSAGES}|{PACKAGE}\.nodes',
+    'bridge': rf'rosidl\w*|lark|cv_bridge|{PACKAGE}\.(nodes|cli|benchmarks)',
+    'nodes': rf'cv2|numba|scipy|rosidl\w*|cv_bridge|{MESSAGES}|{PACKAGE}\.(cli|benchmarks)',
+    'cli': rf'rosidl\w*|lark|cv_bridge|{MESSAGES}|{PACKAGE}\.(nodes|benchmarks)',
+    'benchmarks': rf'rosidl\w*|lark|cv_bridge|{MESSAGES}|{PACKAGE}\.nodes',
 }
 #: The perception core knows no files, devices or processes either.
 CORE_THIRD_PARTY = frozenset({'numpy', 'numba', 'cv2', 'scipy', 'onnxruntime', PACKAGE})
@@ -116,6 +124,74 @@ def test_module_keeps_to_its_layer(module: Path) -> None:
     assert violations(_layer(module), module.read_text(encoding='utf-8')) == []
 
 
+def room_violations(room: str, source: str) -> list[str]:
+    """Imports of a module of the core in ``room`` ('' = a foundation) that go up the order of rooms."""
+    allowed = {*FOUNDATION, *(ROOMS[:ROOMS.index(room) + 1] if room else ())}
+    names = [(line, name.split('.')) for line, name in imported_names(ast.parse(source))]
+    return [f'line {line}: {room or "a foundation"} imports {parts[2]}' for line, parts in names
+            if parts[:2] == [PACKAGE, 'core'] and parts[2] not in allowed]
+
+
+def _room(module: Path) -> str | None:
+    """Room of a module of the core; None for what puts rooms together."""
+    parts = module.relative_to(ROOT / 'core').parts
+    if len(parts) > 1:
+        return parts[0]
+    return '' if module.stem in FOUNDATION else None
+
+
+CORE_MODULES = sorted((ROOT / 'core').rglob('*.py'))
+
+
+def test_every_folder_of_the_core_is_a_known_room() -> None:
+    assert {_room(module) for module in CORE_MODULES} == {None, '', *ROOMS}
+
+
+@pytest.mark.parametrize('module', [module for module in CORE_MODULES if _room(module) is not None],
+                         ids=lambda path: str(path.relative_to(ROOT / 'core')))
+def test_module_imports_its_own_and_earlier_rooms_only(module: Path) -> None:
+    assert room_violations(_room(module) or '', module.read_text(encoding='utf-8')) == []
+
+
+@pytest.mark.parametrize(('room', 'source', 'complaint'), [
+    ('ego_motion', 'from motion_detect_ros.core.optical_flow.stage import OpticalFlowStage', 'imports optical_flow'),
+    ('', 'from motion_detect_ros.core.geometry.warp import apply', 'a foundation imports geometry'),
+    ('geometry', 'def f():\n    import motion_detect_ros.core.pipeline', 'geometry imports pipeline'),
+])
+def test_room_checker_sees_a_violation(room: str, source: str, complaint: str) -> None:
+    assert [line for line in room_violations(room, source) if line.endswith(complaint)]
+
+
+def import_cycles(imports: dict[str, set[str]]) -> list[list[str]]:
+    """Modules that import each other in a circle, at the top or inside functions (Tarjan's components by two walks)."""
+    def reachable(start: str) -> set[str]:
+        seen, stack = set(), [start]
+        while stack:
+            for name in imports[stack.pop()] - seen:
+                seen.add(name)
+                stack.append(name)
+        return seen
+
+    reach = {name: reachable(name) for name in imports}
+    circles = {frozenset(other for other in reach[name] if name in reach[other]) for name in imports
+               if name in reach[name]}
+    return sorted(sorted(circle) for circle in circles)
+
+
+def test_no_module_is_part_of_an_import_circle() -> None:
+    name_of = {module: f'{PACKAGE}.{".".join(module.relative_to(ROOT).with_suffix("").parts)}' for module in MODULES}
+    known = set(name_of.values())
+    imports = {}
+    for module, name in name_of.items():
+        found = [each for _, each in imported_names(ast.parse(module.read_text(encoding='utf-8')))]
+        imports[name] = {target for each in found for target in (each, each.rpartition('.')[0]) if target in known}
+    assert import_cycles(imports) == []
+
+
+def test_circles_are_seen() -> None:
+    assert import_cycles({'a': {'b'}, 'b': {'c'}, 'c': {'b'}, 'd': {'d'}, 'e': {'a'}}) == [['b', 'c'], ['d']]
+
+
 def test_core_and_sources_load_without_ros() -> None:
     """What the imports say, run: a process that cannot import ROS loads both layers whole."""
     names = [f'{PACKAGE}.{".".join(module.relative_to(ROOT).with_suffix("").parts)}'
@@ -148,8 +224,8 @@ BROKEN = {
     ('core', 'def f(x):\n    assert x'): 'line 2: assert',
     ('sources', 'import rclpy.node'): 'line 1: sources imports rclpy.node',
     ('sources', 'from builtin_interfaces.msg import Time'): 'line 1: sources imports builtin_interfaces.msg.Time',
-    ('sources', 'from motion_detect_ros.tools import convert'):
-        'line 1: sources imports motion_detect_ros.tools.convert',
+    ('sources', 'from motion_detect_ros.cli import convert'):
+        'line 1: sources imports motion_detect_ros.cli.convert',
     ('sources', "import importlib\nimportlib.import_module('rclpy')"): 'line 2: sources imports rclpy',
     ('bridge', 'from rosidl_runtime_py import utilities'): 'line 1: bridge imports rosidl_runtime_py.utilities',
     ('bridge', 'import motion_detect_ros.nodes.camera'): 'line 1: bridge imports motion_detect_ros.nodes.camera',
@@ -158,9 +234,11 @@ BROKEN = {
     ('nodes', 'from sensor_msgs.msg import Image'): 'line 1: nodes imports sensor_msgs.msg.Image',
     ('nodes', 'from std_srvs.srv import Trigger'): 'line 1: nodes imports std_srvs.srv.Trigger',
     ('nodes', '\n' * 151): '151 lines, expected at most 150',
-    ('tools', 'from nav_msgs.msg import Odometry'): 'line 1: tools imports nav_msgs.msg.Odometry',
-    ('tools', '\n' * 301): '301 lines, expected at most 300',
-    ('tools', 'def f():\n' + '    pass\n' * 60): 'line 1: f has 61 lines, expected at most 60',
+    ('cli', 'from nav_msgs.msg import Odometry'): 'line 1: cli imports nav_msgs.msg.Odometry',
+    ('cli', 'from motion_detect_ros.benchmarks import bench'):
+        'line 1: cli imports motion_detect_ros.benchmarks.bench',
+    ('benchmarks', '\n' * 301): '301 lines, expected at most 300',
+    ('benchmarks', 'def f():\n' + '    pass\n' * 60): 'line 1: f has 61 lines, expected at most 60',
     ('', 'from std_msgs.msg import Header'): 'the package imports std_msgs.msg.Header',
 }
 
@@ -177,7 +255,7 @@ def test_checker_sees_a_violation(case: tuple[str, str], complaint: str) -> None
     ('sources', 'import rosbags\nfrom pathlib import Path\nfrom motion_detect_ros.core import types'),
     ('bridge', 'import rclpy\nfrom sensor_msgs.msg import Image\nfrom std_srvs.srv import Trigger'),
     ('nodes', 'import rclpy\nfrom motion_detect_ros.bridge.images import image_to_msg'),
-    ('tools', 'import cv2\nimport rclpy\nfrom motion_detect_ros.bridge.records import read_detections'),
+    ('benchmarks', 'import cv2\nimport rclpy\nfrom motion_detect_ros.bridge.records import read_detections'),
     ('nodes', '\n' * 150),
     ('core', 'def f():\n' + '    pass\n' * 59),
 ])

@@ -113,7 +113,7 @@ def bytes_of(values: npt.NDArray[np.generic]) -> array[int]:
     values: of any shape and number type, copied in row order.
     """
     data = array('B')
-    data.frombytes(memoryview(np.ascontiguousarray(values)).cast('B'))
+    data.frombytes(np.ascontiguousarray(values).data.cast('B'))
     return data
 
 

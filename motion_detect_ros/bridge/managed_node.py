@@ -13,7 +13,7 @@ from std_srvs.srv import Trigger
 
 from motion_detect_ros.bridge.diagnostics import Condition, Reporter, StageStats
 from motion_detect_ros.bridge.params import declare_simple
-from motion_detect_ros.bridge.qos import overridable
+from motion_detect_ros.bridge.qos import diagnostics_qos, overridable
 from motion_detect_ros.core.errors import MotionDetectError, SourceError
 
 DIAGNOSTICS_PERIOD_S = 1.0
@@ -40,7 +40,7 @@ class ManagedNode(LifecycleNode):
         self._configured = False
         self.active = False
         self._reporter = Reporter(self.get_fully_qualified_name(), self.get_name())
-        self._reports = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._reports = self.create_publisher(DiagnosticArray, '/diagnostics', diagnostics_qos())
         self.create_timer(DIAGNOSTICS_PERIOD_S, self.report)
         self.create_service(Trigger, '~/reset', self._on_reset)
 

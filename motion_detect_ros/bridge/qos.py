@@ -11,6 +11,7 @@ RECORD_DEPTH = 5
 CLOCK_DEPTH = 100
 LATCHED_DEPTH = 100
 IMU_DEPTH = 400
+DIAGNOSTICS_DEPTH = 10
 RELIABILITIES = {'reliable': QoSReliabilityPolicy.RELIABLE, 'best_effort': QoSReliabilityPolicy.BEST_EFFORT}
 
 
@@ -28,6 +29,12 @@ def record_qos() -> QoSProfile:
 def clock_qos() -> QoSProfile:
     """For ``/clock``: whoever steps through time must not miss a step."""
     return QoSProfile(history=QoSHistoryPolicy.KEEP_LAST, depth=CLOCK_DEPTH,
+                      reliability=QoSReliabilityPolicy.RELIABLE)
+
+
+def diagnostics_qos() -> QoSProfile:
+    """For ``/diagnostics``: that of diagnostic_updater."""
+    return QoSProfile(history=QoSHistoryPolicy.KEEP_LAST, depth=DIAGNOSTICS_DEPTH,
                       reliability=QoSReliabilityPolicy.RELIABLE)
 
 

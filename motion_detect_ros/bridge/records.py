@@ -14,11 +14,11 @@ from motion_detect_ros.core.errors import MessageError
 from motion_detect_ros.core.types import (
     DETECTION_DTYPE,
     NANOSECONDS,
-    CameraMotionInSpace,
     EgoMotion,
     EgoStatus,
     MotionModel,
     RecordArray,
+    RelativePose,
 )
 
 #: Row and column of the upper triangle of a 6 x 6 matrix, in row order: c00 .. c20.
@@ -49,8 +49,8 @@ def records_to_msg(records: RecordArray, header: Header) -> PointCloud2:
     Raises: KeyError for a field of another type.
     """
     dtype = records.dtype
-    fields = [PointField(name=name, offset=dtype.fields[name][1], datatype=_DATATYPES[dtype[name].str[1:]], count=1)
-              for name in dtype.names]
+    fields = [PointField(name=name, offset=place[1], datatype=_DATATYPES[place[0].str[1:]], count=1)
+              for name, place in (dtype.fields or {}).items()]
     return PointCloud2(
         header=header, height=1, width=len(records), fields=fields, is_bigendian=False, point_step=dtype.itemsize,
         row_step=dtype.itemsize * len(records), data=bytes_of(records.view(np.uint8)), is_dense=True)
@@ -150,7 +150,7 @@ def ego_to_msg(ego: EgoMotion, header: Header) -> PointCloud2:
     return records_to_msg(record, header)
 
 
-def _camera_values(camera: CameraMotionInSpace | None) -> npt.NDArray[np.float64]:
+def _camera_values(camera: RelativePose | None) -> npt.NDArray[np.float64]:
     """(17,) rotation by rows, translation, epipole, ground; NaN where unknown."""
     if camera is None:
         return np.full(len(EGO_LATER_FIELDS), np.nan)
@@ -158,12 +158,12 @@ def _camera_values(camera: CameraMotionInSpace | None) -> npt.NDArray[np.float64
     return np.concatenate([camera.rotation.ravel(), camera.direction, camera.epipole, ground])
 
 
-def _camera_from(record: np.void) -> CameraMotionInSpace | None:
+def _camera_from(record: np.void) -> RelativePose | None:
     values = np.array([record[name] for name, _ in EGO_LATER_FIELDS])
     rotation, direction, epipole, ground = values[:9].reshape(3, 3), values[9:12], values[12:14], values[14:]
     if not np.isfinite(values[:12]).all():
         return None
-    return CameraMotionInSpace(rotation, direction, epipole, ground if np.isfinite(ground).all() else None)
+    return RelativePose(rotation, direction, epipole, ground if np.isfinite(ground).all() else None)
 
 
 def ego_from_msg(msg: PointCloud2) -> EgoMotion:

@@ -23,8 +23,8 @@ from motion_detect_ros.bridge.sync import ExactJoin
 from motion_detect_ros.bridge.topics import CAMERA_INFO, COMPRESSED, IMAGE, Topic
 from motion_detect_ros.bridge.worker import Worker
 from motion_detect_ros.core.errors import MotionDetectError
-from motion_detect_ros.core.load import FrameSelection, use_threads
-from motion_detect_ros.core.pipeline import warm_up
+from motion_detect_ros.core.frame_decimation import FrameDecimation
+from motion_detect_ros.core.pipeline import use_threads, warm_up
 from motion_detect_ros.core.types import CameraModel
 
 #: Images this large are lost between processes by stock Fast DDS, bytes.
@@ -54,7 +54,7 @@ class StageNode(ManagedNode):
         self._queue_size = int(declare_simple(
             self, 'queue_size', 2, 'images that may wait for this stage; more are dropped, oldest first', 1, 1000))
         self._join = ExactJoin(('image', *(topic.name for topic in self.inputs)), 2 * self._queue_size + 8)
-        self._selection = FrameSelection(self.config.load)
+        self._decimation = FrameDecimation(self.config.load.decimation_keep, self.config.load.decimation_of)
         self._worker: Worker[tuple[Any, ...]] | None = None
         self._gyro: GyroInput | None = None
         self._busy = threading.Lock()
@@ -87,7 +87,7 @@ class StageNode(ManagedNode):
 
     def begin(self) -> None:
         """Listen."""
-        self._selection.reset()
+        self._decimation.reset()
         # A stage that joins what another made of each image needs neighbours; the first one may jump.
         self._worker = Worker(self._guarded, self._queue_size, self.stats.count_dropped, jumps=not self.inputs)
         quality = image_qos(self._reliability, SUBSCRIPTION_DEPTH)
@@ -124,10 +124,10 @@ class StageNode(ManagedNode):
         if name == 'image':
             self.stats.count_received(time.monotonic_ns())
             self._check_transport(msg)
-            if not self.inputs and not self._selection.wants():
+            if not self.inputs and not self._decimation.keep_next():
                 return
         messages = self._join.add(name, stamp_ns(msg.header), msg)
-        if not self._selection.leaves_out:  # else an image that no stage before answers was left out, not lost
+        if not self._decimation.active:  # else an image that no stage before answers was left out, not lost
             self.stats.count_dropped(self._join.dropped - self._join_drops)
         self._join_drops = self._join.dropped
         if messages and self._worker:

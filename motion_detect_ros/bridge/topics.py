@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu, PointCloud2
@@ -24,7 +25,7 @@ from motion_detect_ros.bridge.images import (
     stamp_of,
 )
 from motion_detect_ros.bridge.managed_node import ManagedNode
-from motion_detect_ros.bridge.qos import clock_qos, image_qos, imu_qos, record_qos
+from motion_detect_ros.bridge.qos import clock_qos, diagnostics_qos, image_qos, imu_qos, record_qos
 from motion_detect_ros.bridge.records import detections_to_msg, ego_from_msg, ego_to_msg, read_detections
 from motion_detect_ros.core.types import NANOSECONDS, RecordArray
 
@@ -44,6 +45,7 @@ def _as_it_is(message: Any, _header: Header | None = None) -> Any:
     return message
 
 
+DIAGNOSTICS = Topic('/diagnostics', DiagnosticArray, _as_it_is, _as_it_is, diagnostics_qos)
 IMAGE = Topic('image_raw', Image, image_to_msg, image_from_msg, image_qos)
 COMPRESSED = Topic('image_raw/compressed', CompressedImage, compressed_to_msg, image_from_msg, image_qos)
 CAMERA_INFO = Topic('camera_info', CameraInfo, _as_it_is, camera_from_msg, image_qos)

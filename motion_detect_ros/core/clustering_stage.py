@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from motion_detect_ros.core.background.selection import BackgroundSelector
 from motion_detect_ros.core.config import PipelineConfig
-from motion_detect_ros.core.contact import bearings
-from motion_detect_ros.core.detector import MotionDetector
-from motion_detect_ros.core.expansion import with_growth
-from motion_detect_ros.core.memory import Earlier, FrameMemory
-from motion_detect_ros.core.optical_flow import total_to_residual
-from motion_detect_ros.core.scene_mask import scene_cells
-from motion_detect_ros.core.scene_model import SceneModel
-from motion_detect_ros.core.static_scene import guessed_camera
-from motion_detect_ros.core.track import Candidate
-from motion_detect_ros.core.tracks import Tracker
+from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.detection.detector import MotionDetector
+from motion_detect_ros.core.detection.expansion import with_growth
+from motion_detect_ros.core.geometry.bearings import bearings
+from motion_detect_ros.core.geometry.frame_history import ReferenceFrame
+from motion_detect_ros.core.optical_flow.conversion import residual_flow
+from motion_detect_ros.core.preprocessing.scene_mask import scene_cells
+from motion_detect_ros.core.tracking.tracker import Tracker
 from motion_detect_ros.core.types import (
     NANOSECONDS,
     CameraModel,
@@ -36,8 +35,7 @@ class ClusteringStage:
     def __init__(self, config: PipelineConfig, camera: CameraModel | None = None) -> None:
         self._config = config
         self.camera = camera
-        self._memory = FrameMemory(config.optical_flow.baseline_s)
-        self._scene = SceneModel(config.background)
+        self._scene = BackgroundSelector(config.background)
         self._detector = MotionDetector(config)
         self._tracker = Tracker(config.tracks)
         self._last: PreparedFrame | None = None
@@ -49,39 +47,42 @@ class ClusteringStage:
 
     def reset(self) -> None:
         """Forget earlier frames, neurons and tracks; ids go on counting."""
-        self._memory.reset()
         self._scene.reset()
         self._detector.reset()
         self._tracker.reset()
         self._last = None
 
-    def process(self, frame: PreparedFrame, flow: FlowField, ego: EgoMotion) -> RecordArray:
-        """Confirmed moving objects in ``frame``, dtype ``DETECTION_DTYPE``; empty where there is no ego-motion."""
-        earlier = self._memory.step(frame, ego)
+    def process(
+        self, frame: PreparedFrame, ego: EgoMotion, reference: ReferenceFrame | None, flow: FlowField,
+    ) -> RecordArray:
+        """Confirmed moving objects in ``frame``, dtype ``DETECTION_DTYPE``; empty where there is no reference.
+
+        ego: motion into ``frame``; reference: what ``FrameHistory`` gives for it; flow: from there into ``frame``.
+        """
         last, self._last = self._last, frame
         if ego.status in STARTS_ANEW or (last is not None and _unlike(last, frame)):
             self._tracker.reset()
         elif last is not None and last.stamp_ns < ego.prev_stamp_ns:
-            self._tracker.wait((ego.prev_stamp_ns - last.stamp_ns) / NANOSECONDS, frame.width)
-        if earlier is None:
-            self._tracker.skip(ego.matrix if ego.ok else None, ego.dt_s, frame.width, frame.height)
+            self._tracker.coast_without_frame((ego.prev_stamp_ns - last.stamp_ns) / NANOSECONDS, frame.width)
+        if reference is None:
+            self._tracker.coast(ego.matrix if ego.ok else None, ego.dt_s, frame.width, frame.height)
             return empty_detections()
-        candidates = self._candidates(frame, earlier, flow)
+        candidates = self._candidates(frame, reference, flow)
         records = self._tracker.step(candidates, ego.matrix, ego.dt_s, frame.width, frame.height, frame.gray)
         return bearings(records, self.camera and self.camera.resized(frame.width, frame.height))
 
-    def _candidates(self, frame: PreparedFrame, earlier: Earlier, flow: FlowField) -> list[Candidate]:
-        residual = total_to_residual(flow.flow, earlier.matrix, flow.width, flow.height)
+    def _candidates(self, frame: PreparedFrame, reference: ReferenceFrame, flow: FlowField) -> list[Candidate]:
+        residual = residual_flow(flow.flow, reference.matrix, flow.width, flow.height)
         if frame.mask is not None:
-            residual[~scene_cells(frame.mask, earlier.matrix, frame.scale, *residual.shape[:2])] = np.nan
+            residual[~scene_cells(frame.mask, reference.matrix, frame.scale, *residual.shape[:2])] = np.nan
         background = self._scene.fit(flow.flow, residual, self._camera_of(flow))
-        found = self._detector.candidates(residual, background, frame, earlier)
-        return with_growth(found, flow, residual - background.flow, earlier.seconds)
+        found = self._detector.candidates(residual, background, frame, reference)
+        return with_growth(found, flow, residual - background.flow, reference.seconds)
 
     def _camera_of(self, flow: FlowField) -> CameraModel:
         """The calibration in the flow's pixels; a guess where there is none."""
         if self.camera is None:
-            return guessed_camera(flow.width, flow.height, self._config.background.focal_share)
+            return CameraModel.guessed(flow.width, flow.height, self._config.background.focal_share)
         return self.camera.resized(flow.width, flow.height)
 
 

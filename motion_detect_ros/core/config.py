@@ -9,15 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from motion_detect_ros.core.errors import ConfigError
-from motion_detect_ros.core.scene_mask import parse_regions
+from motion_detect_ros.core.regions import parse_regions
 from motion_detect_ros.core.settings import setting
 
-#: Methods of dense flow (``core.flow_backends``).
+#: Methods of dense flow (``core.flow_methods``).
 FLOW_METHODS = (
     'dis', 'dis_ultrafast', 'dis_fast', 'dis_medium', 'farneback', 'lk', 'variational',
     'dual_tvl1', 'deepflow', 'simpleflow', 'rlof', 'pcaflow', 'onnx')
-#: Those that a first guess helps.
-WARM_METHODS = ('dis', 'dis_ultrafast', 'dis_fast', 'dis_medium', 'farneback', 'lk', 'variational')
 
 
 @dataclass(frozen=True)
@@ -73,20 +71,17 @@ class EgoMotionConfig:
         3000.0, 'how hard the camera may accelerate (standard deviation)', low=1.0, high=1e6, unit='px/s^2')
     ar_order: int = setting(
         4, 'autoregressive: measurements that the next one is predicted from', low=1, high=12, unit='frames')
-    ar_memory_frames: int = setting(
+    ar_forgetting_frames: int = setting(
         40, 'autoregressive: over how long its weights are learnt', low=5, high=1000, unit='frames')
-    static_px: float = setting(
-        0.0, 'the camera stands still, and nothing more is measured, where no corner of the picture can have moved so '
-        'far from one frame to the next, 0 = not looked for', low=0.0, high=0.05, unit='px')
     max_gap_s: float = setting(
         1.0, 'a longer gap between frames starts everything anew', low=0.01, high=60.0, unit='s')
-    camera_motion: bool = setting(
+    relative_pose: bool = setting(
         False, 'rotation, direction of travel, epipole and ground plane from the tracks; needs calibration or takes '
         'background.focal_share; methods indirect and flow')
 
     def __post_init__(self) -> None:
-        if self.camera_motion and self.method == 'direct':
-            raise ConfigError('ego_motion.camera_motion: expected ego_motion.method indirect or flow, got direct')
+        if self.relative_pose and self.method == 'direct':
+            raise ConfigError('ego_motion.relative_pose: expected ego_motion.method indirect or flow, got direct')
 
 
 @dataclass(frozen=True)
@@ -135,17 +130,11 @@ class OpticalFlowConfig:
     search_px: int = setting(
         0, 'how far fast small objects are searched for where the flow leaves the image unexplained, '
         'working-resolution pixels, 0 = not', low=0, high=200, unit='px')
-    warm_start: bool = setting(
-        False, 'the flow of the last frame, carried along by the ego-motion, is the first guess of the next; methods '
-        'up to variational')
     full_every: int = setting(
         1, 'flow of the whole image in every such frame, in between only around the last moving cells',
         low=1, high=100, unit='frames')
 
     def __post_init__(self) -> None:
-        if self.warm_start and self.method not in WARM_METHODS:
-            raise ConfigError(f'optical_flow.warm_start: expected optical_flow.method one of '
-                              f'{", ".join(WARM_METHODS)}, got {self.method}')
         if self.method == 'onnx' and not self.onnx_model:
             raise ConfigError('optical_flow.onnx_model: expected the file of a network for optical_flow.method onnx, '
                               'got none')
@@ -187,7 +176,7 @@ class Art2Config:
     spread_match: float = setting(
         0.6, 'magnitude: they spread until all that clearly moves matches one so well; 0.6 tells speeds of 3 : 7 and'
         ' directions of 47 degrees apart, 0.8 speeds of 2 : 3 and 23 degrees', low=0.0, high=1.0)
-    max_neurons: int = setting(25, 'neurons the memory may grow to', low=2, high=200)
+    max_neurons: int = setting(25, 'neurons the network may grow to', low=2, high=200)
     forget_frames: int = setting(
         10, 'a neuron that wins nothing for this long is forgotten', low=1, high=1000, unit='frames')
     merge_match: float = setting(
@@ -222,7 +211,7 @@ class ObjectsConfig:
     max_area_share: float = setting(0.5, 'larger boxes are dropped, share of the image', low=0.001, high=1.0)
     join_match: float = setting(
         0.5, 'neighbouring clusters whose match is at least this are one object', low=0.0, high=1.0)
-    evidence_sigma: float = setting(
+    photometric_sigma: float = setting(
         3.0, "how much better an object's own motion must explain a pixel, units of the image noise",
         low=0.1, high=100.0)
     peak_share: float = setting(
@@ -243,14 +232,14 @@ class TracksConfig:
     confirm_hits: int = setting(3, 'detections before a track is reported', low=1, high=100)
     confirm_frames: int = setting(6, 'frames within which they must come', low=1, high=100)
     confirm_log_odds: float = setting(
-        1.0, 'evidence summed over frames that a track needs before it is reported', low=-100.0, high=100.0)
+        1.0, 'log odds summed over frames that a track needs before it is reported', low=-100.0, high=100.0)
     show_log_odds: float = setting(
-        0.0, 'a confirmed track is reported while its evidence is at least this', low=-100.0, high=100.0)
+        0.0, 'a confirmed track is reported while its summed log odds are at least this', low=-100.0, high=100.0)
     coast_frames: int = setting(3, 'frames a confirmed track lives without detection', low=0, high=100)
-    memory: str = setting(
-        'none', 'objects that stop are recognised by their looks: template (pixels) or camshift (grey values)',
+    appearance: str = setting(
+        'none', 'objects that stop are recognised by their appearance: template (pixels) or camshift (grey values)',
         choices=('none', 'template', 'camshift'))
-    memory_s: float = setting(
+    appearance_hold_s: float = setting(
         2.0, 'how long they are held where they are, their score fading', low=0.0, high=60.0, unit='s')
 
     def __post_init__(self) -> None:
@@ -263,17 +252,18 @@ class TracksConfig:
 class LoadConfig:
     """How much of the stream is worked on."""
 
-    take: int = setting(1, 'the first so many ...', low=1, high=1000, unit='frames')
-    of: int = setting(
+    decimation_keep: int = setting(1, 'the first so many ...', low=1, high=1000, unit='frames')
+    decimation_of: int = setting(
         1, '... of every so many frames are processed, the others as if never seen; 2 of 5: pairs for the flow, and '
         'time to process them', low=1, high=1000, unit='frames')
     threads: int = setting(
-        0, 'threads of OpenCV, 0 = as many as there are cores; with 1 the two ways of the flow run one after the other',
+        0, 'threads of OpenCV, 0 = as many as there are cores; with 1 backward flow follows forward flow',
         low=0, high=256)
 
     def __post_init__(self) -> None:
-        if self.take > self.of:
-            raise ConfigError(f'load.take: expected at most load.of ({self.of}), got {self.take}')
+        if self.decimation_keep > self.decimation_of:
+            raise ConfigError(f'load.decimation_keep: expected at most load.decimation_of ({self.decimation_of}), '
+                              f'got {self.decimation_keep}')
 
 
 @dataclass(frozen=True)

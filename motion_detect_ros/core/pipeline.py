@@ -5,14 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 from time import perf_counter
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from motion_detect_ros.core.clustering_stage import ClusteringStage
-from motion_detect_ros.core.config import PipelineConfig
-from motion_detect_ros.core.ego_motion import EgoMotionStage
-from motion_detect_ros.core.optical_flow import OpticalFlowStage
-from motion_detect_ros.core.preprocessing import Preprocessor
+from motion_detect_ros.core.config import LoadConfig, PipelineConfig
+from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
+from motion_detect_ros.core.geometry.frame_history import FrameHistory
+from motion_detect_ros.core.optical_flow.stage import OpticalFlowStage
+from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.types import NANOSECONDS, CameraModel, DoubleArray, Result, StageTimes
 
 #: Width of the scratch pictures at least; they are shrunk like any other.
@@ -31,6 +33,7 @@ class MotionPipeline:
         self.config = config or PipelineConfig()
         self._preprocessor = Preprocessor(self.config.preprocessing)
         self._ego_motion = EgoMotionStage(self.config, camera)
+        self._history = FrameHistory(self.config.optical_flow.baseline_s)
         self._optical_flow = OpticalFlowStage(self.config)
         self._clustering = ClusteringStage(self.config, camera)
 
@@ -50,9 +53,10 @@ class MotionPipeline:
         prepared = perf_counter()
         ego = self._ego_motion.process(frame)
         stabilised = perf_counter()
-        flow = self._optical_flow.process(frame, ego)
+        reference = self._history.step(frame, ego)
+        flow = self._optical_flow.process(frame, ego, reference)
         flowed = perf_counter()
-        detections = self._clustering.process(frame, flow, ego)
+        detections = self._clustering.process(frame, ego, reference, flow)
         done = perf_counter()
         return Result(stamp_ns, ego, flow, detections, StageTimes(
             1e3 * (prepared - start), 1e3 * (stabilised - prepared),
@@ -71,8 +75,19 @@ class MotionPipeline:
         """Forget every earlier frame, cluster and track; ids go on counting, none is used twice."""
         self._preprocessor.reset()
         self._ego_motion.reset()
+        self._history.reset()
         self._optical_flow.reset()
         self._clustering.reset()
+
+
+def use_threads(config: LoadConfig) -> None:
+    """OpenCV's threads for this process; 0 leaves OpenCV's own number.
+
+    The kernels of this package run in one thread each; the backward flow gets a thread of its own unless OpenCV has
+    only one (``OpticalFlowStage``).
+    """
+    if config.threads:
+        cv2.setNumThreads(config.threads)
 
 
 def warm_up(config: PipelineConfig) -> None:

@@ -80,6 +80,12 @@ class CameraModel:
             return None
         return cls(width, height, fx, fy, cx, cy)
 
+    @classmethod
+    def guessed(cls, width: int, height: int, focal_share: float) -> CameraModel:
+        """A camera that looks along the middle of the picture, focal length a share of its width."""
+        focal = focal_share * width
+        return cls(width, height, focal, focal, (width - 1) / 2.0, (height - 1) / 2.0)
+
     def resized(self, width: int, height: int) -> CameraModel:
         """The same camera read out at another size; pixel centres sit at whole numbers.
 
@@ -112,7 +118,7 @@ class PreparedFrame:
 
 
 @dataclass(frozen=True)
-class CameraMotionInSpace:
+class RelativePose:
     """How the camera moved between two frames, static points X in camera coordinates: X_now = R X_previous + t.
 
     The length of t cannot be seen in pictures: it is the unit of length here.
@@ -135,7 +141,7 @@ class EgoMotion:
     """Motion of the background between two frames.
 
     ``matrix``: (3, 3) float64, maps previous pixel -> current pixel (full resolution).
-    ``covariance``: (6, 6) float64 of the affine parameters (a0 .. a5), see ``core.kalman``.
+    ``covariance``: (6, 6) float64 of the affine parameters (a0 .. a5), see ``core.ego_motion.kalman``.
     ``residual_px``: median distance of the inliers to the model. ``camera``: None = not asked for or not determined;
     it does not depend on ``status``, which tells of ``matrix``.
     """
@@ -149,7 +155,7 @@ class EgoMotion:
     tracks: int = 0
     residual_px: float = float('nan')
     model: MotionModel = MotionModel.AFFINE
-    camera: CameraMotionInSpace | None = None
+    camera: RelativePose | None = None
 
     @property
     def dt_s(self) -> float:

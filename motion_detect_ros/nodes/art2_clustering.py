@@ -11,7 +11,8 @@ from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.stage_node import StageNode
 from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, DetectionPublisher
 from motion_detect_ros.core.clustering_stage import ClusteringStage
-from motion_detect_ros.core.preprocessing import Preprocessor
+from motion_detect_ros.core.geometry.frame_history import FrameHistory
+from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.types import ByteArray, CameraModel, EgoMotion, FlowField
 
 
@@ -32,13 +33,15 @@ class Art2ClusteringNode(StageNode):
     def make_stage(self) -> None:
         """Stage without history, publisher."""
         self._preprocessor = Preprocessor(self.config.preprocessing)
+        self._history = FrameHistory(self.config.optical_flow.baseline_s)
         self._stage.reset()
         self._publisher = DetectionPublisher(self)
 
-    def work(self, header: Any, image: ByteArray, flow: FlowField, ego: EgoMotion) -> None:  # type: ignore[override]
+    def work(self, header: Any, image: ByteArray, flow: FlowField, ego: EgoMotion) -> None:
         """One image: detect and publish."""
         frame = self._preprocessor.process(image, stamp_ns(header))
-        records = self._stage.process(frame, replace(flow, width=frame.width, height=frame.height), ego)
+        reference = self._history.step(frame, ego)
+        records = self._stage.process(frame, ego, reference, replace(flow, width=frame.width, height=frame.height))
         self._publisher.publish(records, header)
         self._latest = (('objects', str(len(records))), ('clusters', str(self._stage.neurons)))
 
@@ -48,8 +51,11 @@ class Art2ClusteringNode(StageNode):
 
     def reset(self) -> None:
         """Forget frames, neurons and tracks."""
-        self.locked(self._preprocessor.reset)
-        self.locked(self._stage.reset)
+        self.locked(self._forget)
+
+    def _forget(self) -> None:
+        for part in (self._preprocessor, self._history, self._stage):
+            part.reset()
 
     def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
         """Objects and clusters (ART2 neurons) of the latest frame."""

@@ -28,9 +28,8 @@ class CameraNode(SourceNode):
             self, 'source', '0', 'camera number, file, folder, bag, or rtsp:// http:// address'))
         self._fps = float(declare_simple(self, 'fps', 0.0, 'rate of a source without stamps, 0 = its own', 0.0, 1000.0))
         self._frame_id = str(declare_simple(self, 'frame_id', 'camera_optical_frame', 'frame of the optical axis'))
-        self._every_nth = int(declare_simple(self, 'every_nth', 1, 'use one picture of every N', 1, 1000))
-        self._take = int(declare_simple(self, 'take', 1, 'use the first so many ...', 1, 1000))
-        self._of = int(declare_simple(self, 'of', 1, '... of every so many pictures', 1, 1000))
+        self._keep = int(declare_simple(self, 'decimation_keep', 1, 'use the first so many ...', 1, 1000))
+        self._of = int(declare_simple(self, 'decimation_of', 1, '... of every so many pictures', 1, 1000))
         self._queue_size = int(declare_simple(self, 'queue_size', 2, 'pictures that may wait', 1, 1000))
         self._realtime = bool(declare_simple(self, 'realtime', True, 'play files at their own pace, drop late ones'))
         self._unused: Capture | None = self._opened()
@@ -72,8 +71,7 @@ class CameraNode(SourceNode):
         return tuple((key if key == 'reconnects' else f'capture_{key}', str(value)) for key, value in stats.items())
 
     def _opened(self) -> Capture:
-        return Capture(self._source, self._fps or None, self._every_nth, self._take, self._of, self._queue_size,
-                       self._realtime)
+        return Capture(self._source, self._fps or None, self._keep, self._of, self._queue_size, self._realtime)
 
     def _publish(self, frame: SourceFrame) -> None:
         start = time.perf_counter()

@@ -9,8 +9,8 @@ from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.stage_node import StageNode
 from motion_detect_ros.bridge.topics import EGO_MOTION, TopicPublisher
-from motion_detect_ros.core.ego_motion import EgoMotionStage
-from motion_detect_ros.core.preprocessing import Preprocessor
+from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
+from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.types import ByteArray, CameraModel
 
 
@@ -27,7 +27,7 @@ class EgoMotionNode(StageNode):
         self._stage = EgoMotionStage(self.config)
         self._publisher = TopicPublisher(self, EGO_MOTION)
 
-    def work(self, header: Any, image: ByteArray) -> None:  # type: ignore[override]
+    def work(self, header: Any, image: ByteArray) -> None:
         """One image: estimate and publish."""
         frame = self._preprocessor.process(image, stamp_ns(header))
         ego = self._stage.process(frame)

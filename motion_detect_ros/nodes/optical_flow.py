@@ -8,8 +8,9 @@ from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.stage_node import StageNode
 from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, TopicPublisher
-from motion_detect_ros.core.optical_flow import OpticalFlowStage
-from motion_detect_ros.core.preprocessing import Preprocessor
+from motion_detect_ros.core.geometry.frame_history import FrameHistory
+from motion_detect_ros.core.optical_flow.stage import OpticalFlowStage
+from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.types import ByteArray, EgoMotion
 
 
@@ -24,18 +25,22 @@ class OpticalFlowNode(StageNode):
     def make_stage(self) -> None:
         """Stage and publisher."""
         self._preprocessor = Preprocessor(self.config.preprocessing)
+        self._history = FrameHistory(self.config.optical_flow.baseline_s)
         self._stage = OpticalFlowStage(self.config)
         self._publisher = TopicPublisher(self, FLOW)
 
-    def work(self, header: Any, image: ByteArray, ego: EgoMotion) -> None:  # type: ignore[override]
+    def work(self, header: Any, image: ByteArray, ego: EgoMotion) -> None:
         """One image: flow and publish."""
         frame = self._preprocessor.process(image, stamp_ns(header))
-        self._publisher.publish(self._stage.process(frame, ego), header)
+        self._publisher.publish(self._stage.process(frame, ego, self._history.step(frame, ego)), header)
 
     def reset(self) -> None:
         """Forget earlier frames."""
-        self.locked(self._preprocessor.reset)
-        self.locked(self._stage.reset)
+        self.locked(self._forget)
+
+    def _forget(self) -> None:
+        for part in (self._preprocessor, self._history, self._stage):
+            part.reset()
 
 
 main = main_of(OpticalFlowNode)

@@ -33,7 +33,7 @@ class PipelineNode(StageNode):
         self._flow_publisher = TopicPublisher(self, FLOW)
         self._publisher = DetectionPublisher(self)
 
-    def work(self, header: Any, image: ByteArray) -> None:  # type: ignore[override]
+    def work(self, header: Any, image: ByteArray) -> None:
         """One image: process and publish, detections first."""
         result = self._pipeline.process(image, stamp_ns(header))
         self._publisher.publish(result.detections, header)

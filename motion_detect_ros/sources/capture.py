@@ -16,9 +16,11 @@ from types import TracebackType
 from typing import Self
 
 from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.types import NANOSECONDS, CameraModel
-from motion_detect_ros.sources.frames import FrameSource, SourceFrame, open_source
+from motion_detect_ros.sources.frames import FrameSource, SourceFrame
 from motion_detect_ros.sources.live import LiveFrames, is_address
+from motion_detect_ros.sources.opening import open_source
 
 #: Pictures looked at for ``behind``, and the share of them that may be dropped before it is said.
 _BEHIND_WINDOW = 30
@@ -34,7 +36,7 @@ class CaptureStats:
     """What happened since the capture was opened.
 
     ``captured``: pictures that came from the source; ``delivered``: handed to the reader; ``dropped``: thrown away
-    because the reader was late (pictures left out by every_nth or take/of are neither); ``capture_rate_hz``: of the
+    because the reader was late (pictures left out by decimation are neither); ``capture_rate_hz``: of the
     source, over the last 60 pictures; ``behind``: over a tenth of the last 30 wanted pictures were dropped.
     """
 
@@ -50,24 +52,24 @@ class Capture:
     """Pictures of a camera, stream, video file, image folder or bag; use as a context manager.
 
     source: camera number (``0``), address (``rtsp://``, ``http://``, ...) or a path that ``open_source`` takes.
-    fps: rate of a folder or video without stamps. every_nth: keep one picture of every N; take, of: keep the first
-    ``take`` of every ``of`` pictures (2 of 5: pairs of neighbours for the flow, and time to process them).
-    queue_size: pictures that may wait. realtime: files are played at the pace of their stamps and late pictures
+    fps: rate of a folder or video without stamps. decimation_keep, decimation_of: keep the first
+    so many of every so many pictures (1 of N: every Nth; 2 of 5: pairs of neighbours for the flow, and time to process
+    them). queue_size: pictures that may wait. realtime: files are played at the pace of their stamps and late pictures
     dropped; False waits for the reader instead and drops nothing.
     Raises: SourceError on a source that cannot be opened or a selection that makes no sense.
     """
 
     def __init__(
-        self, source: str, fps: float | None = None, every_nth: int = 1, take: int = 1, of: int = 1,
-        queue_size: int = 2, realtime: bool = True,
+        self, source: str, fps: float | None = None, decimation_keep: int = 1,
+        decimation_of: int = 1, queue_size: int = 2, realtime: bool = True,
     ) -> None:
-        if every_nth < 1 or queue_size < 1 or not 1 <= take <= of:
+        if queue_size < 1 or not 1 <= decimation_keep <= decimation_of:
             raise SourceError(
-                'capture: expected every_nth >= 1, queue_size >= 1 and 1 <= take <= of, got '
-                f'every_nth={every_nth}, queue_size={queue_size}, take={take}, of={of}')
+                'capture: expected queue_size >= 1 and 1 <= decimation_keep <= decimation_of, got '
+                f'queue_size={queue_size}, decimation_keep={decimation_keep}, decimation_of={decimation_of}')
         self._live = LiveFrames(source) if is_address(source) else None
         self._frames: FrameSource | LiveFrames = self._live or open_source(Path(source), fps)
-        self._every_nth, self._take, self._of = every_nth, take, of
+        self._decimation = FrameDecimation(decimation_keep, decimation_of)
         self._queue_size = queue_size
         self._drops_when_late = realtime or self._live is not None
         self._paced = realtime and self._live is None
@@ -163,12 +165,9 @@ class Capture:
                 self._stop.wait(start_s + (frame.stamp_ns - first_ns) / NANOSECONDS - monotonic())
             yield frame
 
-    def _wanted(self, number: int) -> bool:
-        return number % self._every_nth == 0 and number // self._every_nth % self._of < self._take
-
     def _offer(self, frame: SourceFrame) -> None:
         with self._changed:
-            wanted = self._wanted(self._captured)
+            wanted = self._decimation.keep_next()
             self._captured += 1
             self._capture_times_s.append(monotonic())
             if not wanted:

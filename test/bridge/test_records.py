@@ -21,10 +21,10 @@ from motion_detect_ros.bridge.records import (
 from motion_detect_ros.core.errors import MessageError
 from motion_detect_ros.core.types import (
     DETECTION_DTYPE,
-    CameraMotionInSpace,
     EgoMotion,
     EgoStatus,
     MotionModel,
+    RelativePose,
     empty_detections,
 )
 
@@ -176,7 +176,7 @@ def test_ego_motion_survives_the_wire():
 @pytest.mark.parametrize('epipole', [np.array([320.5, 180.25]), np.array([np.inf, np.nan])])
 def test_camera_motion_survives_the_wire(epipole, ground):
     rotation = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    camera = CameraMotionInSpace(rotation, np.array([0.6, 0.0, -0.8]), epipole, ground)
+    camera = RelativePose(rotation, np.array([0.6, 0.0, -0.8]), epipole, ground)
     msg = ego_to_msg(EgoMotion(np.eye(3), np.eye(6), EgoStatus.OK, 2, 1, camera=camera), HEADER)
     got = ego_from_msg(deserialize_message(serialize_message(msg), PointCloud2)).camera
     for name in ('rotation', 'direction', 'epipole'):

@@ -14,7 +14,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.task import Future
 
 from motion_detect_ros.bridge.runner import spin
-from motion_detect_ros.tools.live import own_domain
+from motion_detect_ros.cli.live import own_domain
 
 TICKS = 200
 

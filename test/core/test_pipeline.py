@@ -6,15 +6,17 @@ import cv2
 import numpy as np
 import pytest
 
-from motion_detect_ros.core.boxes import Box
 from motion_detect_ros.core.clustering_stage import ClusteringStage
 from motion_detect_ros.core.config import PipelineConfig, PreprocessingConfig, TracksConfig
-from motion_detect_ros.core.ego_motion import EgoMotionStage, no_estimate
+from motion_detect_ros.core.detection.photometric import ImagePair, photometric_test
+from motion_detect_ros.core.ego_motion.stage import EgoMotionStage, no_estimate
 from motion_detect_ros.core.errors import ConfigError, FrameError
-from motion_detect_ros.core.evidence import ImagePair, support
-from motion_detect_ros.core.optical_flow import OpticalFlowStage, total_to_residual
+from motion_detect_ros.core.geometry.boxes import Box
+from motion_detect_ros.core.geometry.frame_history import FrameHistory
+from motion_detect_ros.core.optical_flow.conversion import residual_flow
+from motion_detect_ros.core.optical_flow.stage import OpticalFlowStage
 from motion_detect_ros.core.pipeline import MotionPipeline, warm_up
-from motion_detect_ros.core.preprocessing import Preprocessor
+from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.settings import settings, with_settings
 from motion_detect_ros.core.types import CameraModel, EgoMotion, EgoStatus
 
@@ -146,6 +148,7 @@ def test_tracks_end_at_a_jump_whose_own_frame_never_came(jump):
     config = PipelineConfig()
     prepare, egos, flows = Preprocessor(config.preprocessing), EgoMotionStage(config), OpticalFlowStage(config)
     clustering, ids = ClusteringStage(config), []
+    upstream, history = (FrameHistory(config.optical_flow.baseline_s) for _ in range(2))
     pictures = [scene(index) for index in range(24)]
     for index, image in enumerate(pictures):
         late = index >= 12
@@ -153,9 +156,9 @@ def test_tracks_end_at_a_jump_whose_own_frame_never_came(jump):
         shown = image[:300, :400].copy() if late and jump == 'size' else image
         frame = prepare.process(shown, stamp_ns)
         ego = egos.process(frame)
-        flow = flows.process(frame, ego)
+        flow = flows.process(frame, ego, upstream.step(frame, ego))
         if index != 12:
-            ids.append(set(clustering.process(frame, flow, ego)['id'].tolist()))
+            ids.append(set(clustering.process(frame, ego, history.step(frame, ego), flow)['id'].tolist()))
     before, after = set().union(*ids[:12]), set().union(*ids[12:])
     assert before and after and not before & after
 
@@ -169,9 +172,11 @@ class TestFlow:
     def between(self, matrix: np.ndarray, current: np.ndarray, earlier: np.ndarray):
         config = PipelineConfig()
         stage, prepare = OpticalFlowStage(config), Preprocessor(config.preprocessing)
-        stage.process(prepare.process(earlier, PERIOD_NS), no_estimate(EgoStatus.FIRST_FRAME, PERIOD_NS, PERIOD_NS))
+        history = FrameHistory(config.optical_flow.baseline_s)
+        history.step(prepare.process(earlier, PERIOD_NS), no_estimate(EgoStatus.FIRST_FRAME, PERIOD_NS, PERIOD_NS))
         ego = EgoMotion(matrix, np.eye(6), EgoStatus.OK, 2 * PERIOD_NS, PERIOD_NS)
-        return stage.process(prepare.process(current, 2 * PERIOD_NS), ego).flow
+        frame = prepare.process(current, 2 * PERIOD_NS)
+        return stage.process(frame, ego, history.step(frame, ego)).flow
 
     def test_total_displacement_points_from_earlier_to_later(self):
         pan = np.array([[1, 0, -PAN], [0, 1, 0], [0, 0, 1]], float)
@@ -201,7 +206,7 @@ class TestFlow:
         # the point was at p before; the background took p to M p; the object went (7, -2) further
         moved_by = np.array([7.0, -2.0])
         before = (later - moved_by - matrix[:2, 2]) / 1.02
-        residual = total_to_residual((later - before).astype(np.float32), matrix, width, height)
+        residual = residual_flow((later - before).astype(np.float32), matrix, width, height)
         np.testing.assert_allclose(residual, np.broadcast_to(moved_by, residual.shape), atol=1e-3)
 
 
@@ -215,12 +220,12 @@ class TestEvidence:
             image = ground.copy()
             image[40:40 + SIDE, left:left + SIDE] = THING
             pair.append(image)
-        return support(ImagePair(pair[1], pair[0], np.eye(3)), Box(20, 10, 180, 120), np.zeros(2, np.float32),
+        return photometric_test(ImagePair(pair[1], pair[0], np.eye(3)), Box(20, 10, 180, 120), np.zeros(2, np.float32),
                        np.float32([shift_px, 0]), self.NOISE, 3.0)
 
     @pytest.mark.parametrize('ground', [texture(5, 130, 200), np.full((130, 200), 120, np.uint8)],
                              ids=['texture', 'plain'])
-    def test_support_is_the_object_and_not_its_ghost(self, ground):
+    def test_foreground_is_the_object_and_not_its_ghost(self, ground):
         y, x = np.nonzero(self.seen(ground).mask)
         box = Box(x.min() + 20, y.min() + 10, x.max() + 21, y.max() + 11)
         true = Box(70, 40, 70 + SIDE, 40 + SIDE)
@@ -228,9 +233,9 @@ class TestEvidence:
             min(box.bottom, true.bottom) - max(box.top, true.top))
         assert inter / (box.area + true.area - inter) >= 0.8, box
 
-    def test_no_support_where_nothing_moved(self):
+    def test_no_foreground_where_nothing_moved(self):
         image = texture(5, 130, 200)
-        found = support(ImagePair(image, image, np.eye(3)), Box(20, 10, 180, 120), np.zeros(2, np.float32),
+        found = photometric_test(ImagePair(image, image, np.eye(3)), Box(20, 10, 180, 120), np.zeros(2, np.float32),
                         np.float32([6, 0]), self.NOISE, 3.0)
         assert not found.mask.any()
 

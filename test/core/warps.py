@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from motion_detect_ros.core.config import PipelineConfig
-from motion_detect_ros.core.ego_motion import EgoMotionStage
-from motion_detect_ros.core.preprocessing import Preprocessor
+from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
+from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.types import EgoMotion
 
 WIDTH, HEIGHT, PERIOD_NS = 640, 480, 40_000_000

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from motion_detect_ros.tools import accuracy
-from motion_detect_ros.tools.accuracy_floors import read_floors, write_floors
+from motion_detect_ros.benchmarks import accuracy
+from motion_detect_ros.benchmarks.accuracy_floors import read_floors, write_floors
 
 FLOORS = Path(__file__).resolve().parents[1] / 'floors.json'
 
@@ -21,7 +21,7 @@ def test_guard_fails_for_a_worse_detector(clips: Path, tmp_path: Path, capsys: p
     one = tmp_path / 'one.json'
     write_floors(one, [floor for floor in read_floors(FLOORS) if floor.clip == 'davis_bmx-trees'])
     assert accuracy.main(['--floors', str(one), '--data', str(clips), '--set', 'tracks.confirm_hits=6',
-                          'objects.evidence_sigma=9.0', '--jobs', '1']) == 1
+                          'objects.photometric_sigma=9.0', '--jobs', '1']) == 1
     assert 'davis_bmx-trees, first 60 frames: F1 at IoU 0.3 is' in capsys.readouterr().err
 
 

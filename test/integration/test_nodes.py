@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from motion_detect_ros.bridge.transport import environment
+from motion_detect_ros.cli.live import STAGES, LiveGraph, own_domain
 from motion_detect_ros.sources.bags import BagWriter
 from motion_detect_ros.sources.messages import IMAGE, header, make, serialize
-from motion_detect_ros.tools.live import STAGES, LiveGraph, own_domain
 
 NODES = ('camera', 'ego_motion', 'optical_flow', 'art2_clustering', 'pipeline', 'overlay', 'bag_player')
 TIMEOUT_S = 60.0

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from motion_detect_ros.__main__ import main
+from motion_detect_ros.cli.live import LiveGraph, Playback
+from motion_detect_ros.cli.metrics import MOVING_ONLY, score_boxes
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.presets import load_preset
 from motion_detect_ros.sources.bags import BagFrames
 from motion_detect_ros.sources.truth import read_truth
-from motion_detect_ros.tools.live import LiveGraph, Playback
-from motion_detect_ros.tools.metrics import MOVING_ONLY, score_boxes
 
 #: F1 for moving objects at IoU 0.3 under which nobody should let it fall; measured values stand in docs/accuracy.md.
 CLIPS = {

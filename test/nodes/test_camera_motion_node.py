@@ -20,7 +20,7 @@ def shelves(index: int) -> np.ndarray:
 
 
 def test_a_camera_that_goes_right_says_so(peer, start):
-    start('ego_motion', *small('ego_motion.camera_motion:=true'))
+    start('ego_motion', *small('ego_motion.relative_pose:=true'))
     answers = peer.listen(PointCloud2, 'ego_motion')
     images, infos = peer.speak(Image, 'image_raw'), peer.speak(CameraInfo, 'camera_info')
     assert ready(peer, 'image_raw')

@@ -6,10 +6,10 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from motion_detect_ros.bridge.feeder import Feeder
-from motion_detect_ros.tools.bench_nodes import NodeProcesses
-from motion_detect_ros.tools.bench_transport import await_nodes, feed, pictures
-from motion_detect_ros.tools.live import own_domain
+from motion_detect_ros.benchmarks.bench_nodes import NodeProcesses
+from motion_detect_ros.benchmarks.bench_transport import await_nodes, feed, pictures
+from motion_detect_ros.benchmarks.feeder import Feeder
+from motion_detect_ros.cli.live import own_domain
 
 RATE_HZ, PICTURES = 60.0, 240
 #: Flow at full resolution: more than any machine computes at that rate.
@@ -48,7 +48,7 @@ def test_a_long_mailbox_is_what_makes_answers_old():
 
 def test_m_of_n_pictures_are_answered_and_none_counts_as_dropped():
     domain, nodes = own_domain(), ('ego_motion', 'optical_flow', 'art2_clustering')
-    small = ('preprocessing.max_width_px:=240', 'load.take:=2', 'load.of:=5')
+    small = ('preprocessing.max_width_px:=240', 'load.decimation_keep:=2', 'load.decimation_of:=5')
     with Feeder(domain, pictures(480, 270), 10.0) as feeder, NodeProcesses(nodes, domain, small) as processes:
         await_nodes(feeder, processes, len(nodes))
         before = feeder.sent

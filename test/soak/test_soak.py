@@ -11,8 +11,8 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from motion_detect_ros.tools import soak
-from motion_detect_ros.tools.soak import Sample, summarize
+from motion_detect_ros.benchmarks import soak
+from motion_detect_ros.benchmarks.soak import Sample, summarize
 
 STEADY = [Sample(10.0 * (n + 1), 300.0, 80.0, 200, 200, 0, 0, 40.0, 50.0, 70.0, 35.0) for n in range(180)]
 

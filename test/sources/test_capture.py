@@ -42,9 +42,8 @@ def test_without_real_time_nothing_is_lost(pictures: str) -> None:
 
 
 @pytest.mark.parametrize(('selection', 'expected'), [
-    ({'every_nth': 3}, [0, 3, 6, 9, 12, 15, 18]),
-    ({'take': 2, 'of': 5}, [0, 1, 5, 6, 10, 11, 15, 16]),
-    ({'every_nth': 2, 'take': 1, 'of': 2}, [0, 4, 8, 12, 16]),
+    ({'decimation_of': 3}, [0, 3, 6, 9, 12, 15, 18]),
+    ({'decimation_keep': 2, 'decimation_of': 5}, [0, 1, 5, 6, 10, 11, 15, 16]),
 ])
 def test_selection(pictures: str, selection: dict[str, int], expected: list[int]) -> None:
     with Capture(pictures, realtime=False, **selection) as capture:
@@ -100,9 +99,10 @@ def test_unopenable_sources_are_refused(source: str) -> None:
         Capture(source)
 
 
-@pytest.mark.parametrize('selection', [{'every_nth': 0}, {'take': 3, 'of': 2}, {'take': 0}, {'queue_size': 0}])
+@pytest.mark.parametrize('selection', [
+    {'decimation_of': 0}, {'decimation_keep': 3, 'decimation_of': 2}, {'decimation_keep': 0}, {'queue_size': 0}])
 def test_senseless_selection_is_refused(pictures: str, selection: dict[str, int]) -> None:
-    with pytest.raises(SourceError, match='capture: expected every_nth >= 1'):
+    with pytest.raises(SourceError, match='capture: expected queue_size >= 1 and 1 <= decimation_keep'):
         Capture(pictures, **selection)
 
 

@@ -10,8 +10,8 @@ import pytest
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.sources.bags import BagFrames, BagWriter
-from motion_detect_ros.sources.frames import open_source
 from motion_detect_ros.sources.images import ImageSequence, decode_image, image_files
+from motion_detect_ros.sources.opening import open_source
 from motion_detect_ros.sources.video import VideoFile
 from motion_detect_ros.sources.visdrone import visdrone_sequence
 

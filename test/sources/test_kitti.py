@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import CameraModel
-from motion_detect_ros.sources.frames import open_source
 from motion_detect_ros.sources.inertial import GyroSample
 from motion_detect_ros.sources.kitti import KittiDrive, OxtsSample, parse_stamp, read_oxts
+from motion_detect_ros.sources.opening import open_source
 
 P_RECT_02 = ('7.215377e+02 0.000000e+00 6.095593e+02 4.485728e+01 0.000000e+00 7.215377e+02 1.728540e+02 '
              '2.163791e-01 0.000000e+00 0.000000e+00 1.000000e+00 2.745884e-03')

@@ -1,0 +1,129 @@
+"""The clips that accuracy is measured on: what they are, and the detector run over them, in several processes."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from tqdm import tqdm
+
+from motion_detect_ros.cli.demo_table import boxes_of
+from motion_detect_ros.cli.metrics import MOVING_AND_STANDING, MOVING_ONLY, Score, score_boxes
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.core.pipeline import MotionPipeline
+from motion_detect_ros.core.settings import with_settings
+from motion_detect_ros.core.types import DoubleArray, RecordArray
+from motion_detect_ros.presets import load_preset
+from motion_detect_ros.sources.frames import FrameSource
+from motion_detect_ros.sources.opening import open_source
+from motion_detect_ros.sources.truth import read_truth
+
+#: Says where the clips are, and where they are looked for without it.
+DATA_VARIABLE, DATA_DEFAULT = 'MOTION_DETECT_DATA', '../shared/data'
+IOUS = (0.3, 0.5)
+#: What is wanted: moving objects only, or every labelled object.
+COUNTINGS: Mapping[str, tuple[int, ...]] = {'moving': MOVING_ONLY, 'all': MOVING_AND_STANDING}
+#: Frames at the start that are not counted; on clips shorter than SHORT_FRAMES only the second number.
+WARM_UP_FRAMES, SHORT_WARM_UP_FRAMES, SHORT_FRAMES = 10, 2, 30
+
+
+@dataclass(frozen=True)
+class Clip:
+    """One entry of clips.json. ``complete``: every moving object is labelled; ``limit``: first frames used, or all."""
+
+    name: str
+    frames: Path
+    truth: Path
+    fps: float
+    preset: str
+    complete: bool = True
+    limit: int | None = None
+
+    @property
+    def family(self) -> str:
+        """The data set it is from: its name up to the first underscore."""
+        return self.name.split('_', maxsplit=1)[0]
+
+    def source(self) -> FrameSource:
+        """Its pictures, all of them. Raises: SourceError."""
+        return open_source(str(self.frames), self.fps)
+
+    def read_truth(self) -> RecordArray:
+        """Its truth, up to ``limit``."""
+        truth = read_truth(self.truth)
+        return truth if self.limit is None else truth[truth['frame'] < self.limit]
+
+
+@dataclass(frozen=True)
+class ClipRun:
+    """``detections``: ``DETECTION_DTYPE`` by frame; ``frame_ms``: median compute time, with ``--jobs`` busy cores."""
+
+    clip: Clip
+    detections: Mapping[int, RecordArray]
+    frame_ms: float
+
+    @property
+    def skip(self) -> int:
+        """Frames at the start that are not counted."""
+        return WARM_UP_FRAMES if len(self.detections) >= SHORT_FRAMES else SHORT_WARM_UP_FRAMES
+
+    def boxes(self) -> dict[int, DoubleArray]:
+        """(N, 4) x, y, w, h by frame, full-resolution pixels."""
+        return {frame: boxes_of(records) for frame, records in self.detections.items()}
+
+    def scores(self, counting: str = 'moving') -> tuple[Score, ...]:
+        """One for each IoU of ``IOUS``; counting: a key of ``COUNTINGS``."""
+        truth, boxes = self.clip.read_truth(), self.boxes()
+        return tuple(score_boxes(truth, boxes, iou, COUNTINGS[counting], self.skip) for iou in IOUS)
+
+
+@dataclass(frozen=True)
+class Job:
+    """A clip and the settings (dotted names) to change in its preset."""
+
+    clip: Clip
+    changes: Mapping[str, Any]
+
+
+def read_clips(data: Path, names: Sequence[str] = ()) -> list[Clip]:
+    """The clips of a folder, all or those named. Raises: SourceError where ``clips.json`` or a name is missing."""
+    index = data / 'clips.json'
+    if not index.is_file():
+        raise SourceError(f'{data}: expected a folder with clips.json; set {DATA_VARIABLE} or --data')
+    entries = json.loads(index.read_text(encoding='utf-8'))
+    unknown = [name for name in names if name not in entries]
+    if unknown:
+        raise SourceError(f'clips: expected some of {", ".join(entries)}, got {", ".join(unknown)}')
+    return [Clip(name, data / entry['frames'], data / entry['gt'], float(entry['fps']), entry['preset'],
+                 bool(entry.get('complete_gt', True)))
+            for name, entry in entries.items() if not names or name in names]
+
+
+def run_clip(job: Job) -> ClipRun:
+    """Every frame of a clip through a fresh pipeline."""
+    clip, source = job.clip, job.clip.source()
+    pipeline = MotionPipeline(with_settings(load_preset(clip.preset), job.changes), source.camera)
+    detections, times = dict[int, RecordArray](), []
+    for frame in islice(source, clip.limit):
+        result = pipeline.process(frame.image, frame.stamp_ns)
+        detections[frame.index] = result.detections
+        times.append(result.times_ms.total)
+    return ClipRun(clip, detections, float(np.median(times)))
+
+
+def run_jobs(jobs: Sequence[Job], processes: int) -> Iterator[ClipRun]:
+    """The runs in the order of the jobs, in ``processes`` processes of one OpenCV thread each."""
+    if processes <= 1:
+        yield from tqdm(map(run_clip, jobs), total=len(jobs), unit='clip', disable=None)
+        return
+    context = multiprocessing.get_context('spawn')
+    with ProcessPoolExecutor(processes, context, cv2.setNumThreads, (1,)) as pool:
+        yield from tqdm(pool.map(run_clip, jobs), total=len(jobs), unit='clip', disable=None)

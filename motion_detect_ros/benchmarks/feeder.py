@@ -1,0 +1,131 @@
+"""A camera for measurements: pictures at a fixed rate, answers to them timed, and what the nodes say of themselves."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+from motion_detect_ros.bridge import transport
+from motion_detect_ros.bridge.images import header_of, stamp_ns
+from motion_detect_ros.bridge.topics import DETECTIONS, DIAGNOSTICS, IMAGE
+
+#: How long answers to the last pictures may take, seconds.
+ANSWER_TIMEOUT_S = 3.0
+
+
+@dataclass(frozen=True)
+class Answer:
+    """``stamp_ns``: of the picture, the moment before it was published; ``latency_ms``: until its detections came."""
+
+    stamp_ns: int
+    latency_ms: float
+
+
+class Feeder:
+    """Publishes ``image_raw``, subscribes to ``detections`` and ``/diagnostics``; use as a context manager.
+
+    Its process gets the shipped transport, as a camera node has it.
+
+    images: (H, W) or (H, W, 3) uint8 each, played forwards and backwards in turn, so that the motion stays smooth.
+    """
+
+    def __init__(self, domain_id: int, images: Sequence[npt.NDArray[np.uint8]], rate_hz: float) -> None:
+        self._images, self._rate_hz = images, rate_hz
+        transport.use_here()
+        self._context = Context()
+        rclpy.init(context=self._context, domain_id=domain_id)
+        self._node = rclpy.create_node('feeder', context=self._context)
+        self._publisher = self._node.create_publisher(IMAGE.kind, IMAGE.name, IMAGE.qos())
+        self._node.create_subscription(DETECTIONS.kind, DETECTIONS.name, self._on_detections, 100)
+        self._node.create_subscription(DIAGNOSTICS.kind, DIAGNOSTICS.name, self._on_diagnostics, DIAGNOSTICS.qos())
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._lock = threading.Lock()
+        self._answers: list[Answer] = []
+        self._diagnostics: dict[str, dict[str, str]] = {}
+        self._stopped = threading.Event()
+        self._threads = [threading.Thread(target=work, daemon=True) for work in (self._spin, self._feed)]
+        self._feeding = threading.Event()
+        self._sent = 0
+
+    def __enter__(self) -> Feeder:
+        for thread in self._threads:
+            thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stopped.set()
+        self._feeding.set()
+        self._threads[1].join(ANSWER_TIMEOUT_S)
+        self._executor.shutdown(timeout_sec=2.0)
+        self._node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+        self._threads[0].join(ANSWER_TIMEOUT_S)
+
+    def go(self) -> None:
+        """Publish from now on."""
+        self._feeding.set()
+
+    def pause(self) -> None:
+        """Publish nothing until ``go``."""
+        self._feeding.clear()
+
+    @property
+    def listeners(self) -> int:
+        """Subscriptions that have found the pictures."""
+        return int(self._publisher.get_subscription_count())
+
+    @property
+    def sent(self) -> int:
+        """Pictures published so far."""
+        return self._sent
+
+    def take(self) -> list[Answer]:
+        """The answers that came since the last call."""
+        with self._lock:
+            taken, self._answers = self._answers, []
+        return taken
+
+    def diagnostics(self, node: str) -> dict[str, str]:
+        """The latest report of a node, key -> value; empty before the first."""
+        with self._lock:
+            return dict(self._diagnostics.get(f'/{node}', {}))
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            return
+
+    def _feed(self) -> None:
+        order = [*range(len(self._images)), *range(len(self._images) - 2, 0, -1)]
+        due_s = time.monotonic()
+        for index in itertools.cycle(order):
+            if not self._feeding.is_set():
+                self._feeding.wait()
+                due_s = time.monotonic()
+            if self._stopped.wait(max(0.0, due_s - time.monotonic())):
+                return
+            self._publisher.publish(IMAGE.to_msg(self._images[index], header_of(time.time_ns(), 'camera')))
+            self._sent += 1
+            due_s = max(due_s + 1.0 / self._rate_hz, time.monotonic() - 1.0 / self._rate_hz)
+
+    def _on_detections(self, msg: Any) -> None:
+        now_ns, stamp = time.time_ns(), stamp_ns(msg.header)
+        with self._lock:
+            self._answers.append(Answer(stamp, (now_ns - stamp) / 1e6))
+
+    def _on_diagnostics(self, msg: Any) -> None:
+        with self._lock:
+            for status in msg.status:
+                self._diagnostics[status.name] = {pair.key: pair.value for pair in status.values}

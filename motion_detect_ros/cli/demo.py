@@ -1,0 +1,150 @@
+"""``demo``: the main job on a built-in flight. Draw it, play it through the nodes over DDS, measure what comes out.
+
+Exit code 0 where every image got a detections message, 3 where some did not, 1 where none did.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from tqdm import tqdm
+
+from motion_detect_ros.cli.demo_pictures import write_pictures
+from motion_detect_ros.cli.demo_table import Run, table
+from motion_detect_ros.cli.outputs import CSV_HEADER, csv_row
+from motion_detect_ros.core.errors import BackendError, SourceError
+from motion_detect_ros.core.pipeline import MotionPipeline
+from motion_detect_ros.core.types import NANOSECONDS, RecordArray
+from motion_detect_ros.presets import load_preset
+from motion_detect_ros.sources.bags import BagFrames, BagWriter
+from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
+from motion_detect_ros.sources.truth import write_truth
+
+OK, NOTHING, PARTIAL = 0, 1, 3
+
+FLIGHT_BAG, TRUTH_CSV = 'flight.mcap', 'flight.truth.csv'
+DETECTIONS_BAG, DETECTIONS_CSV = 'detections.mcap', 'detections.csv'
+VIDEO, SHEET = 'demo.mp4', 'contact_sheet.png'
+
+#: A shorter flight says nothing: the first ten frames are not counted.
+MIN_FRAMES = 20
+#: Images come at this share of what one process can do: four processes share the same cores with the transport.
+LOAD_SHARE = 0.5
+#: A recording may wait: a second in which something else has the processors must not cost images.
+QUEUE_SIZE = 30
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line."""
+    defaults = FlightConfig()
+    parser.add_argument('-o', '--output', type=Path, default=Path('out/demo'), help='folder for the outputs')
+    parser.add_argument('--frames', type=int, default=defaults.frames, help='length of the flight')
+    parser.add_argument('--seed', type=int, default=defaults.seed, help='another seed, another flight')
+    parser.add_argument('--preset', default='default', help='settings: default, visdrone or kitti, or a YAML file')
+    parser.add_argument('--rate', type=float, help='speed of the playback against real time (default: half of what '
+                        'this machine does in one process, at most 1)')
+    parser.add_argument('--offline', action='store_true', help='in this process only, without ROS')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Raises: MotionDetectError for wrong use, a folder that cannot be written, nodes that do not start."""
+    if arguments.frames < MIN_FRAMES:
+        raise SourceError(f'--frames: expected {MIN_FRAMES} or more, got {arguments.frames}')
+    if arguments.rate is not None and not arguments.rate > 0:
+        raise SourceError(f'--rate: expected a number over 0, got {arguments.rate:g}')
+    _check_needs(arguments.preset, arguments.offline)
+    config = FlightConfig(frames=arguments.frames, seed=arguments.seed)
+    folder: Path = arguments.output
+    truth = record_flight(config, folder)
+    bag = folder / FLIGHT_BAG
+    answers = offline = run_in_process(bag, arguments.preset)
+    rate = arguments.rate or min(1.0, LOAD_SHARE * real_time_factor(offline, config.fps))
+    if not arguments.offline:
+        answers = run_live(bag, offline.stamps_ns, arguments.preset, rate)
+    write_detections(folder, answers)
+    write_pictures(bag, truth, answers, config.fps, folder / VIDEO, folder / SHEET)
+    _print_report(config, truth, answers, None if arguments.offline else offline, rate)
+    for name in (FLIGHT_BAG, TRUTH_CSV, DETECTIONS_BAG, DETECTIONS_CSV, VIDEO, SHEET):
+        print(folder / name)
+    return exit_code(answers)
+
+
+def _check_needs(preset: str, offline: bool) -> None:
+    """What would fail late is said at once. Raises: ConfigError, BackendError."""
+    load_preset(preset)
+    if not offline and importlib.util.find_spec('rclpy') is None:
+        raise BackendError('rclpy is missing: install ROS 2 Jazzy or the extra "ros", or use --offline')
+
+
+def record_flight(config: FlightConfig, folder: Path) -> RecordArray:
+    """Draw the flight into ``folder``: a bag with /image_raw and /camera_info, and the truth as CSV, returned too."""
+    flight, truth = SyntheticFlight(config), []
+    with BagWriter(folder / FLIGHT_BAG, compress=False) as bag:
+        for frame in tqdm(flight, total=len(flight), unit='frame', desc='flight', disable=None):
+            bag.write_camera_info(frame.camera, frame.stamp_ns)
+            bag.write_image(frame.image, frame.stamp_ns)
+            truth.append(frame.truth)
+    boxes: RecordArray = np.concatenate(truth)
+    write_truth(folder / TRUTH_CSV, boxes)
+    return boxes
+
+
+def run_in_process(bag: Path, preset: str) -> Run:
+    """Every image of the bag through ``MotionPipeline``; times are those of its stages."""
+    frames = BagFrames(bag)
+    pipeline = MotionPipeline(load_preset(preset), frames.camera)
+    results = [pipeline.process(frame.image, frame.stamp_ns)
+               for frame in tqdm(frames, total=frames.frame_count, unit='frame', desc='in process', disable=None)]
+    return Run(tuple(result.stamp_ns for result in results),
+               {index: result.detections for index, result in enumerate(results)},
+               len(results), tuple(result.times_ms.total for result in results))
+
+
+def run_live(bag: Path, stamps_ns: tuple[int, ...], preset: str, rate: float) -> Run:
+    """Every image of the bag through the nodes, each a process of its own; times from image to detections.
+
+    Raises: SourceError where a node does not come up.
+    """
+    from motion_detect_ros.cli.live import LiveGraph
+    start = perf_counter()
+    with LiveGraph(preset, parameters=(f'queue_size:={QUEUE_SIZE}',)) as graph:
+        print(f'nodes up after {perf_counter() - start:.0f} s, playing', file=sys.stderr)
+        playback = graph.play(bag, len(stamps_ns), rate)
+    frame_of = {stamp: index for index, stamp in enumerate(stamps_ns)}
+    known = [message for message in playback.received if message.stamp_ns in frame_of]
+    return Run(stamps_ns, {frame_of[message.stamp_ns]: message.records for message in known},
+               len(playback.received), tuple(message.latency_ms for message in known))
+
+
+def real_time_factor(run: Run, fps: float) -> float:
+    """How many times faster than ``fps`` images a second the stages of ``run`` were, by the median image."""
+    return 1e3 / (fps * float(np.median(run.times_ms)))
+
+
+def exit_code(run: Run) -> int:
+    """0 only where every image got an answer."""
+    if not run.records:
+        return NOTHING
+    return PARTIAL if run.unanswered else OK
+
+
+def write_detections(folder: Path, run: Run) -> None:
+    """The answers as a bag, one message for each answered image, and as the CSV that ``evaluate`` reads."""
+    lines = [CSV_HEADER]
+    with BagWriter(folder / DETECTIONS_BAG) as bag:
+        for frame, records in sorted(run.records.items()):
+            bag.write_detections(records, run.stamps_ns[frame])
+            lines += [csv_row(frame, run.stamps_ns[frame], record) for record in records]
+    (folder / DETECTIONS_CSV).write_text('\n'.join(lines) + '\n', encoding='ascii')
+
+
+def _print_report(config: FlightConfig, truth: RecordArray, run: Run, offline: Run | None, rate: float) -> None:
+    seconds = (run.stamps_ns[-1] - run.stamps_ns[0]) / NANOSECONDS
+    how = f'over DDS at {rate * config.fps:.1f} images a second' if offline else 'in one process'
+    print(f'\nbuilt-in flight {config.seed}, {config.width} x {config.height}, {seconds:.1f} s, {how}\n')
+    print('\n'.join(table(truth, run, offline)) + '\n')

@@ -1,0 +1,177 @@
+"""The real graph as child processes: nodes over DDS, fed by the bag player, heard by a planner."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from motion_detect_ros.bridge.transport import environment
+from motion_detect_ros.cli.planner import Planner, Received
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.presets import find_config
+
+#: The three stages as separate processes; the fourth node of the graph is the player or camera.
+STAGES = ('ego_motion', 'optical_flow', 'art2_clustering')
+#: How long nodes may take to start (an empty kernel cache compiles), to stop, and messages to come, seconds.
+START_TIMEOUT_S = 120.0
+STOP_TIMEOUT_S = 10.0
+IDLE_TIMEOUT_S = 15.0
+POLL_S = 0.05
+#: What the nodes listen to.
+IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_TOPIC, IMU_TOPIC = 'image_raw', 'image_raw/compressed', 'camera_info', 'imu'
+#: DDS domains that plain Linux port ranges allow.
+DOMAINS = range(1, 101)
+
+
+@dataclass(frozen=True)
+class Playback:
+    """What a planner heard while a bag was played; ``published``: images the player announced."""
+
+    received: tuple[Received, ...]
+    published: int
+    seconds: float
+
+
+def own_domain() -> int:
+    """The user's ROS_DOMAIN_ID, or one that depends on the process, so that runs do not hear each other."""
+    chosen = os.environ.get('ROS_DOMAIN_ID')
+    return int(chosen) if chosen else DOMAINS[os.getpid() % len(DOMAINS)]
+
+
+class LiveGraph:
+    """Starts ``nodes`` as processes of their own; use as a context manager. Stops them by process id.
+
+    preset: name or path of a parameter file, given to every node; parameters: further ``name:=value`` for every node;
+    compressed: the nodes listen to JPEG or PNG images.
+    Raises: SourceError where a node ends or does not come up in time.
+    """
+
+    def __init__(
+        self, preset: str = 'default', nodes: tuple[str, ...] = STAGES, domain_id: int | None = None,
+        parameters: tuple[str, ...] = (), compressed: bool = False,
+    ) -> None:
+        self._params = ['--params-file', str(_params_file(preset)), '-p', f'compressed:={str(compressed).lower()}']
+        for parameter in parameters:
+            self._params += ['-p', parameter]
+        self._nodes = nodes
+        self._image_topic = COMPRESSED_TOPIC if compressed else IMAGE_TOPIC
+        self._domain_id = own_domain() if domain_id is None else domain_id
+        self._log = Path(tempfile.mkdtemp(prefix='motion_detect_'))
+        self._environment = {
+            **environment(), 'ROS_DOMAIN_ID': str(self._domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            'ROS_HOME': str(self._log)}
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self.exit_codes: dict[str, int] = {}
+
+    def __enter__(self) -> LiveGraph:
+        os.environ.update({name: self._environment[name] for name in ('ROS_AUTOMATIC_DISCOVERY_RANGE',)})
+        for name, value in self._environment.items():
+            os.environ.setdefault(name, value)
+        with contextlib.ExitStack() as stack:
+            stack.callback(self._stop)
+            self.planner = stack.enter_context(Planner(self._domain_id))
+            for node in self._nodes:
+                self._processes[node] = self._spawn(node, self._params)
+            self._await(lambda: self.planner.subscribers_of(self._image_topic) >= len(self._nodes))
+            self._await(lambda: self.planner.publishers_of('detections') >= 1)
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def output(self, node: str) -> str:
+        """What a node has printed so far."""
+        return (self._log / f'{node}.txt').read_text(encoding='utf-8', errors='replace')
+
+    def play(
+        self, bag: Path, images: int, rate: float = 1.0, topics: Mapping[str, str] | None = None,
+    ) -> Playback:
+        """Plays a bag of ``images`` images through the nodes and gives what the planner heard, sorted by stamp.
+
+        topics: what to play, and under which name; None = everything under its own.
+        """
+        self.planner.clear()
+        player = ['-p', f'bag:={bag}', '-p', f'rate:={float(rate)}', '-p', f'wait_for_subscribers:={len(self._nodes)}']
+        if topics:
+            player += ['-p', f'topics:={",".join(topics)}']
+        for recorded, played in (topics or {}).items():
+            player += ['-r', f'{recorded.lstrip("/")}:={played}']
+        start = time.monotonic()
+        process = self._spawn('bag_player', player)
+        try:
+            self._await_end(process, images)
+        finally:
+            _end(process)
+        heard = sorted(self.planner.received, key=lambda message: message.stamp_ns)
+        return Playback(tuple(heard), self.planner.published, time.monotonic() - start)
+
+    def _await_end(self, process: subprocess.Popen[bytes], images: int) -> None:
+        """Until all answers are there, or none has come for a while after the player ended."""
+        count, changed = 0, time.monotonic()
+        while count < images and time.monotonic() - changed < IDLE_TIMEOUT_S:
+            self._check_alive()
+            if process.poll() not in (None, 0):
+                raise SourceError(f'bag_player: ended with {process.poll()}: {self.output("bag_player").strip()}')
+            self.planner.wait_for(count + 1, POLL_S)
+            news = len(self.planner.received)
+            if news > count or (process.poll() is None and self.planner.published < images):
+                count, changed = news, time.monotonic()
+
+    def _spawn(self, node: str, parameters: list[str]) -> subprocess.Popen[bytes]:
+        command = [sys.executable, '-m', f'motion_detect_ros.nodes.{node}', '--ros-args', *parameters]
+        with (self._log / f'{node}.txt').open('wb') as log:
+            return subprocess.Popen(command, env=self._environment, stdout=log, stderr=subprocess.STDOUT)
+
+    def _await(self, condition: Any) -> None:
+        deadline = time.monotonic() + START_TIMEOUT_S
+        while not condition():
+            self._check_alive()
+            if time.monotonic() > deadline:
+                raise SourceError(f'nodes: expected them to be up within {START_TIMEOUT_S:.0f} s; see {self._log}')
+            time.sleep(POLL_S)
+
+    def _check_alive(self) -> None:
+        for node, process in self._processes.items():
+            if process.poll() is not None:
+                raise SourceError(f'{node}: ended with exit code {process.poll()}: {self.output(node).strip()}')
+
+    def _stop(self) -> None:
+        for process in self._processes.values():
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        self.exit_codes = {node: _end(process) for node, process in self._processes.items()}
+        if not any(self.exit_codes.values()):  # what a failed node has printed stays to be read
+            shutil.rmtree(self._log, ignore_errors=True)
+
+
+def _params_file(preset: str) -> Path:
+    return Path(preset) if preset.endswith(('.yaml', '.yml')) else find_config(f'{preset}.yaml')
+
+
+def _end(process: subprocess.Popen[bytes]) -> int:
+    try:
+        return process.wait(STOP_TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.wait()
+
+
+def spread(values_ms: list[float]) -> tuple[float, float, float]:
+    """Median, 95th and 99th percentile of the known values; NaN where there are none."""
+    known = np.array([value for value in values_ms if math.isfinite(value)] or [math.nan])
+    median, p95, p99 = np.percentile(known, [50, 95, 99])
+    return float(median), float(p95), float(p99)

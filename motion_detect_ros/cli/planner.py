@@ -1,0 +1,106 @@
+"""A subscriber as a planner has it: every detections message, with the time it took from the image."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+from motion_detect_ros.bridge.images import stamp_ns
+from motion_detect_ros.bridge.topics import CLOCK, DETECTIONS
+from motion_detect_ros.core.types import RecordArray
+
+
+@dataclass(frozen=True)
+class Received:
+    """One detections message. ``latency_ms``: since the image of the same stamp was published, NaN if unknown."""
+
+    stamp_ns: int
+    records: RecordArray
+    latency_ms: float
+
+
+class Planner:
+    """Listens in a thread with a context of its own; use as a context manager.
+
+    The player announces each image's stamp on ``/clock`` just before it publishes the image: that is where latency
+    counts from.
+    """
+
+    def __init__(self, domain_id: int, namespace: str = '') -> None:
+        self._context = Context()
+        rclpy.init(context=self._context, domain_id=domain_id)
+        self._node = rclpy.create_node('planner', namespace=namespace, context=self._context)
+        self._node.create_subscription(DETECTIONS.kind, DETECTIONS.name, self._on_detections, 100)
+        self._node.create_subscription(CLOCK.kind, CLOCK.name, self._on_clock, CLOCK.qos())
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._changed = threading.Condition()
+        self._published_ns: dict[int, int] = {}
+        self._received: list[Received] = []
+        self._thread = threading.Thread(target=self._spin, name='planner', daemon=True)
+
+    def __enter__(self) -> Planner:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._executor.shutdown(timeout_sec=2.0)
+        self._node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+        self._thread.join(5.0)
+
+    @property
+    def received(self) -> list[Received]:
+        """Everything so far, in the order of arrival."""
+        with self._changed:
+            return list(self._received)
+
+    @property
+    def published(self) -> int:
+        """Images that the player has announced."""
+        with self._changed:
+            return len(self._published_ns)
+
+    def clear(self) -> None:
+        """Forget what was received."""
+        with self._changed:
+            self._received.clear()
+            self._published_ns.clear()
+
+    def wait_for(self, count: int, timeout_s: float) -> bool:
+        """True once ``count`` messages are there, False where they do not come in time."""
+        with self._changed:
+            return self._changed.wait_for(lambda: len(self._received) >= count, timeout_s)
+
+    def subscribers_of(self, topic: str) -> int:
+        """Subscriptions that the graph shows on a topic."""
+        return int(self._node.count_subscribers(topic))
+
+    def publishers_of(self, topic: str) -> int:
+        """Publishers that the graph shows on a topic."""
+        return int(self._node.count_publishers(topic))
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            return
+
+    def _on_clock(self, msg: Any) -> None:
+        with self._changed:
+            self._published_ns[CLOCK.from_msg(msg)] = time.monotonic_ns()
+
+    def _on_detections(self, msg: Any) -> None:
+        now_ns, stamp = time.monotonic_ns(), stamp_ns(msg.header)
+        records = DETECTIONS.from_msg(msg)
+        with self._changed:
+            published_ns = self._published_ns.get(stamp)
+            latency_ms = (now_ns - published_ns) / 1e6 if published_ns is not None else float('nan')
+            self._received.append(Received(stamp, records, latency_ms))
+            self._changed.notify_all()

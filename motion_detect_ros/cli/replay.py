@@ -1,0 +1,237 @@
+"""``replay``: every frame of a recording through the pipeline in this process, the same answer every time.
+
+With one input the outputs are in OUT_DIR itself, with several in OUT_DIR/<name of the input>.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from tqdm import tqdm
+
+import motion_detect_ros
+from motion_detect_ros.cli.outputs import Percentiles, ReplayOutputs, Summary, Tally, write_summary
+from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.errors import BackendError, FrameError, MotionDetectError, SourceError
+from motion_detect_ros.core.frame_decimation import FrameDecimation
+from motion_detect_ros.core.pipeline import MotionPipeline, use_threads
+from motion_detect_ros.core.settings import settings
+from motion_detect_ros.presets import load_preset
+from motion_detect_ros.sources.frames import DEFAULT_FPS, FrameSource, SourceFrame
+from motion_detect_ros.sources.inertial import GyroReplay, InertialSource
+from motion_detect_ros.sources.opening import open_source
+
+OK, NOTHING, UNREADABLE, PARTIAL = 0, 1, 2, 3
+
+
+@dataclass(frozen=True)
+class Job:
+    """One input and where its outputs go."""
+
+    path: str
+    folder: Path
+    config: PipelineConfig
+    fps: float | None = None
+    topic: str | None = None
+    progress: bool = True
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a job ended: ``exit_code`` and one ``line`` for the user."""
+
+    exit_code: int
+    line: str
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line."""
+    parser.add_argument('inputs', nargs='+', metavar='IN',
+                        help='bag, video, image folder, VisDrone sequence or KITTI drive')
+    parser.add_argument('-o', '--output', type=Path, required=True, help='folder for the outputs')
+    parser.add_argument('--preset', default='default', help='settings: default, visdrone or kitti, or a YAML file')
+    parser.add_argument('--config', help='YAML file with settings, instead of --preset')
+    parser.add_argument('--fps', type=float, help=f'frames/s of inputs without time stamps (default {DEFAULT_FPS:g})')
+    parser.add_argument('--topic', help='image topic of a bag that has several')
+    parser.add_argument('--workers', type=int, default=1, help='processes, for several inputs')
+    parser.add_argument('--live', action='store_true', help='play through the ROS nodes instead; bags only')
+    parser.add_argument('--rate', type=float, default=1.0, help='with --live: speed against the recording')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Replay all inputs; the exit code is that of ``__main__`` that all ended with, 3 where they differ.
+
+    Raises: SourceError for options that contradict each other, and with ``--live`` for an input that is no bag;
+    ConfigError for an unknown preset or a wrong value; BackendError where ``--live`` finds no ROS 2.
+    """
+    if arguments.workers < 1:
+        raise SourceError(f'--workers: expected 1 or more, got {arguments.workers}')
+    if arguments.live:
+        _check_live(arguments)
+        return _run_live(arguments)
+    config = load_preset(arguments.config or arguments.preset)
+    jobs = make_jobs(arguments, config)
+    outcomes = [*_run_parallel(jobs, arguments.workers)] if arguments.workers > 1 else [*map(run_job, jobs)]
+    for outcome in outcomes:
+        print(outcome.line, file=sys.stderr if outcome.exit_code == UNREADABLE else sys.stdout)
+    codes = {outcome.exit_code for outcome in outcomes}
+    return codes.pop() if len(codes) == 1 else PARTIAL
+
+
+def _check_live(arguments: argparse.Namespace) -> None:
+    """Raises: SourceError for an option that says nothing to nodes."""
+    if arguments.workers > 1:
+        raise SourceError(
+            f'--live: expected no --workers, as one graph plays one bag at a time, got {arguments.workers}')
+    if arguments.fps is not None:
+        raise SourceError(f'--live: expected no --fps, as a bag has stamps of its own, got {arguments.fps:g}')
+
+
+def _run_live(arguments: argparse.Namespace) -> int:
+    """The inputs one after the other through the nodes; raises what they raise."""
+    try:
+        from motion_detect_ros.cli.live_replay import replay_live
+    except ModuleNotFoundError as error:
+        raise BackendError(f'--live: expected an installation of ROS 2, but {error.name} is missing') from None
+    unanswered = 0
+    for job in make_jobs(arguments, PipelineConfig()):
+        missing, line = replay_live(
+            Path(job.path), job.folder, arguments.config or arguments.preset, arguments.rate, job.topic)
+        unanswered += missing
+        print(line)
+    return PARTIAL if unanswered else OK
+
+
+def make_jobs(arguments: argparse.Namespace, config: PipelineConfig) -> list[Job]:
+    """A job for each input; inputs of the same name get a number behind it."""
+    several = len(arguments.inputs) > 1
+    seen: Counter[str] = Counter()
+    jobs = []
+    for path in arguments.inputs:
+        name = Path(path).resolve().stem
+        seen[name] += 1
+        folder = arguments.output / (name if seen[name] == 1 else f'{name}-{seen[name]}')
+        jobs.append(Job(path, folder if several else arguments.output, config, arguments.fps, arguments.topic,
+                        progress=arguments.workers == 1))
+    return jobs
+
+
+def run_job(job: Job) -> Outcome:
+    """Replay one input; what cannot be read becomes the outcome, so that the other inputs still run."""
+    try:
+        summary = replay(job)
+    except MotionDetectError as error:
+        return Outcome(UNREADABLE, f'error: {error}')
+    line = (f'{job.folder}: {summary.frames} frames, {summary.detections} detections of {summary.objects} objects, '
+            f'{summary.stage_ms["total"].p50:.1f} ms a frame')
+    if summary.bad_frames:
+        line += f', {summary.bad_frames} bad frames left out'
+    if summary.damaged:
+        line += f'; {summary.damaged}'
+    if not summary.frames:
+        return Outcome(NOTHING, line)
+    return Outcome(PARTIAL if summary.bad_frames or summary.damaged else OK, line)
+
+
+def replay(job: Job) -> Summary:
+    """Run one input through a fresh pipeline and write its outputs.
+
+    Raises: SourceError for an unreadable input. Whatever ends the run, outputs and summary hold what was done.
+    """
+    source = open_source(job.path, job.fps, job.topic)
+    pipeline = MotionPipeline(job.config, source.camera)
+    gyro, decimation = _gyro(source, job.config), FrameDecimation(
+        job.config.load.decimation_keep, job.config.load.decimation_of)
+    use_threads(job.config.load)
+    tally = Tally()
+    complete = False
+    try:
+        _make_folder(job.folder)
+        with ReplayOutputs(job.folder) as outputs:
+            bar = tqdm(_timed(source, tally), total=source.frame_count, unit='frame', desc=source.name,
+                       disable=None if job.progress else True)
+            for frame in bar:
+                if not decimation.keep_next():
+                    continue
+                for sample in gyro.take(frame.stamp_ns) if gyro else ():
+                    pipeline.add_gyro(sample.stamp_ns, np.array(sample.rate))
+                _process(pipeline, frame, outputs, tally)
+        complete = True
+    finally:
+        summary = _summarize(job, source, tally, complete)
+        if job.folder.is_dir():
+            write_summary(job.folder, summary)
+    return summary
+
+
+def _gyro(source: FrameSource, config: PipelineConfig) -> GyroReplay | None:
+    """The angular rates of a source, where the settings want them. Raises: SourceError where it has none."""
+    if not config.imu.use:
+        return None
+    samples = source.gyro() if isinstance(source, InertialSource) else iter(())
+    first = next(samples, None)
+    if first is None:
+        raise SourceError(f'{source.name}: imu.use expects angular rates (a topic of type Imu, oxts), found none')
+    return GyroReplay(chain((first,), samples), config.imu.time_offset_s)
+
+
+def _process(pipeline: MotionPipeline, frame: SourceFrame, outputs: ReplayOutputs, tally: Tally) -> None:
+    try:
+        result = pipeline.process(frame.image, frame.stamp_ns)
+    except FrameError:  # a picture the core refuses (size, type) costs that picture only
+        tally.bad_frames += 1
+        return
+    outputs.write(frame.index, result.stamp_ns, result.detections)
+    tally.add(result)
+
+
+def _timed(source: FrameSource, tally: Tally) -> Iterator[SourceFrame]:
+    """The frames of a source, with the time each took to read and decode."""
+    start = perf_counter()
+    for frame in source:
+        tally.decode_ms.append(1e3 * (perf_counter() - start))
+        yield frame
+        start = perf_counter()
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SourceError(f'{folder}: cannot be made a folder for the outputs: {error.strerror}') from None
+
+
+def _summarize(job: Job, source: FrameSource, tally: Tally, complete: bool) -> Summary:
+    stamps = tally.stamps_ns or [0]
+    return Summary(
+        input=str(job.path), version=motion_detect_ros.__version__, complete=complete, damaged=source.damaged,
+        announced_frames=source.frame_count, frames=tally.frames, bad_frames=tally.bad_frames + source.bad_frames,
+        detections=tally.detections, objects=len(tally.ids), ego_status=dict(tally.ego_status),
+        image_size=tally.image_size, calibrated=source.camera is not None, first_stamp_ns=stamps[0],
+        last_stamp_ns=stamps[-1], stage_ms=tally.stage_ms(), decode_ms=Percentiles.of(tally.decode_ms),
+        settings={name: value for name, value, _ in settings(job.config)})
+
+
+def _run_parallel(jobs: list[Job], workers: int) -> Iterator[Outcome]:
+    # Spawned, not forked: OpenCV's and numba's thread pools do not survive a fork.
+    context = multiprocessing.get_context('spawn')
+    with ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context) as pool:
+        futures = [pool.submit(run_job, job) for job in jobs]
+        for _ in tqdm(as_completed(futures), total=len(futures), unit='input', disable=None):
+            pass
+        for job, future in zip(jobs, futures, strict=True):
+            try:
+                yield future.result()
+            except BrokenProcessPool:
+                yield Outcome(NOTHING, f'{job.path}: the worker process died (out of memory?)')

@@ -1,0 +1,150 @@
+"""What the background does beyond the affine: a smooth correction, and how noisy the flow is.
+
+A tilted ground plane seen from a flying camera moves by a quadratic of the image coordinates (Longuet-Higgins and
+Prazdny 1980; Bergen et al. 1992, equation 8); an affine leaves up to several pixels of it in the corners.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from motion_detect_ros.core.config import BackgroundConfig
+from motion_detect_ros.core.geometry.robust import RAYLEIGH_MEDIAN, TUKEY_C, rayleigh_sigma
+from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
+
+#: Cells used for the fit at most; more would not change it.
+MAX_SAMPLES = 4000
+#: Re-weighting rounds; the fit is stable after four to six.
+ITERATIONS = 6
+#: Share of its trace added to the normal matrix: points on one line do not determine a surface.
+RIDGE = 1e-10
+#: Fewer valid cells than this say nothing about the background.
+MIN_CELLS = 50
+#: Cells around an object whose flow may be the object's, windows tried to fill, share of known cells a window needs.
+GUARD_CELLS, FILL_CELLS, MIN_FILL_SHARE = 2, (9, 17, 33, 65, 129), 0.02
+
+
+@dataclass(frozen=True)
+class Background:
+    """``flow``: (gh, gw, 2) residual flow of the background; ``sigma_px``: (gh, gw) its noise, one deviation.
+
+    ``smooth``: one surface, known everywhere; else each cell's flow is that of the static point closest to what was
+    measured there, which says little about what an object hides.
+    """
+
+    flow: FloatArray
+    sigma_px: FloatArray
+    smooth: bool = True
+
+    def behind(self, moving: BoolArray) -> Background:
+        """The background with the cells of objects (gh, gw) filled from their surroundings.
+
+        Normalised convolution (Knutsson and Westin 1993) with growing windows, so that the nearest known cells count.
+        """
+        if self.smooth:
+            return self
+        guard = np.ones((2 * GUARD_CELLS + 1, 2 * GUARD_CELLS + 1), np.uint8)
+        hidden = (cv2.dilate(moving.astype(np.uint8), guard) > 0) | ~np.isfinite(self.flow[..., 0])
+        seen = (~hidden).astype(np.float32)
+        known = np.where(hidden[..., None], np.float32(0.0), self.flow)
+        filled = known.copy()
+        for size in FILL_CELLS:
+            share = cv2.blur(seen, (size, size))
+            reached = hidden & (share > MIN_FILL_SHARE)
+            filled[reached] = (cv2.blur(known, (size, size))[reached]) / share[reached][:, None]
+            hidden &= ~reached
+            if not hidden.any():
+                break
+        return Background(filled, self.sigma_px, smooth=False)
+
+
+def motion_vectors(residual: FloatArray, background: Background) -> FloatArray:
+    """(gh, gw, 2) motion against the background in units of its noise; NaN where the flow is unknown.
+
+    residual: (gh, gw, 2) flow with the ego-motion taken out, pixels.
+    """
+    vectors: FloatArray = (residual - background.flow) / background.sigma_px[..., None]
+    return vectors
+
+
+def fit_background(residual: FloatArray, config: BackgroundConfig, magnitude: FloatArray) -> Background:
+    """Robust quadratic fit of the residual flow.
+
+    residual: (gh, gw, 2) pixels, NaN = invalid; magnitude: (gh, gw) length of the camera-caused flow, pixels.
+    The noise is the measured spread of the fit plus a share of the camera's flow, never under ``noise_floor_px``.
+    """
+    rows, columns = residual.shape[:2]
+    valid = np.flatnonzero(np.isfinite(residual[..., 0]))
+    if valid.size < MIN_CELLS:
+        return Background(np.zeros_like(residual), np.full((rows, columns), np.inf, np.float32))
+    used = valid[::max(1, valid.size // MAX_SAMPLES)]
+    x, y = np.linspace(-1.0, 1.0, columns), np.linspace(-1.0, 1.0, rows)
+    across, down = x[used % columns], y[used // columns]
+    design = np.stack([np.ones_like(across), across, down, across * across, across * down, down * down])
+    solution, sigma = _irls(design, residual.reshape(-1, 2)[used].T.astype(np.float64))
+    base = max(config.noise_floor_px, sigma)
+    return Background(_surface(solution, x, y), (base + config.noise_share * magnitude).astype(np.float32))
+
+
+def background_of_static_points(
+    residual: FloatArray, own: DoubleArray, flow: FloatArray, config: BackgroundConfig,
+) -> Background:
+    """The background of static points at any depth.
+
+    residual, flow: (gh, gw, 2) pixels, without and with the ego-motion, NaN = invalid; own: (gh, gw, 2) what no static
+    point can do of it. The noise is the measured spread of the latter plus a share of the flow.
+    """
+    known = np.isfinite(residual[..., 0])
+    sigma = max(config.noise_floor_px, rayleigh_sigma(np.hypot(own[..., 0], own[..., 1])[known]))
+    length = np.hypot(flow[..., 0], flow[..., 1])
+    sigma_px = sigma + config.depth_noise_share * np.nan_to_num(length)
+    return Background((residual - own).astype(np.float32), sigma_px.astype(np.float32), smooth=False)
+
+
+def _surface(solution: DoubleArray, x: DoubleArray, y: DoubleArray) -> FloatArray:
+    """(len(y), len(x), 2) float32: the quadratic with coefficients (6, 2) of 1, x, y, x^2, x y, y^2."""
+    columns, rows = len(x), y.astype(np.float32)[:, None]
+    across = np.stack([np.ones_like(x), x, x * x], axis=1)
+    level = (across @ solution[[0, 1, 3]]).astype(np.float32).ravel()
+    slope = (across[:, :2] @ solution[[2, 4]]).astype(np.float32).ravel()
+    bend = np.tile(solution[5].astype(np.float32), columns)
+    flow: FloatArray = bend * rows
+    flow += slope
+    flow *= rows
+    flow += level
+    return flow.reshape(len(y), columns, 2)
+
+
+def _irls(design: DoubleArray, target: DoubleArray) -> tuple[DoubleArray, float]:
+    """Tukey-weighted least squares from the median; returns (6, 2) coefficients and sigma of one component.
+
+    design: (6, N), coordinates within -1 .. 1, so that the normal equations are safe; target: (2, N).
+    """
+    solution: DoubleArray = np.zeros((6, 2))
+    solution[0] = np.median(target, axis=1)
+    for _ in range(ITERATIONS):
+        squared = _squared_error(design, target, solution)
+        sigma = max(_sigma(squared), 1e-3)
+        weights = np.maximum(1.0 - squared / (TUKEY_C * sigma) ** 2, 0.0)
+        weights *= weights
+        weighted = design * weights
+        normal = weighted @ design.T
+        normal[np.diag_indices(6)] += RIDGE * np.trace(normal)
+        solution = np.asarray(np.linalg.solve(normal, weighted @ target.T), np.float64)
+    return solution, _sigma(_squared_error(design, target, solution))
+
+
+def _squared_error(design: DoubleArray, target: DoubleArray, solution: DoubleArray) -> DoubleArray:
+    error = target - solution.T @ design
+    error *= error
+    squared: DoubleArray = error[0] + error[1]
+    return squared
+
+
+def _sigma(squared: DoubleArray) -> float:
+    middle = squared.size // 2
+    return math.sqrt(np.partition(squared, middle)[middle]) / RAYLEIGH_MEDIAN

@@ -1,0 +1,81 @@
+"""Which background: one smooth surface, or static points at any depth? Decided by evidence, with hysteresis.
+
+Torr's geometric robust information criterion (1998, equation 9) weighs how well a model fits against what it costs to
+describe every point: a point on a surface has two free coordinates, one in space has three.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from motion_detect_ros.core.background.alternatives.plane_parallax import fit_parallax_background
+from motion_detect_ros.core.background.planar import Background, fit_background
+from motion_detect_ros.core.background.static_points import fit_static_scene
+from motion_detect_ros.core.config import BackgroundConfig
+from motion_detect_ros.core.geometry.epipolar import PoseEstimate
+from motion_detect_ros.core.geometry.vectors import magnitude
+from motion_detect_ros.core.types import CameraModel, FloatArray
+
+#: A correspondence has four coordinates; a surface leaves two of them free, a scene in space three.
+DATA_DIMENSION, SURFACE_DIMENSION, SPACE_DIMENSION = 4, 2, 3
+#: Price of a free coordinate (ln 4) and bound of the error of an outlier, both per point (Torr 1998).
+PER_DIMENSION, OUTLIER = math.log(4.0), 2.0
+#: Noise assumed of the flow when the models are compared: pixels, and share of the flow.
+NOISE_PX, NOISE_SHARE = 0.3, 0.02
+#: Memory of the score from frame to frame, and how far it must cross zero before the model changes.
+KEPT_SCORE, HYSTERESIS = 0.7, 0.2
+
+
+class BackgroundSelector:
+    """Gives the background of each frame; remembers the camera's motion and which model is in use."""
+
+    def __init__(self, config: BackgroundConfig) -> None:
+        self._config = config
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the camera's motion; planar until the evidence says otherwise."""
+        self._motion: PoseEstimate | None = None
+        self._score: float | None = None
+        self.three_dimensional = False
+
+    def fit(self, flow: FloatArray, residual: FloatArray, camera: CameraModel) -> Background:
+        """Background of one frame.
+
+        flow: (gh, gw, 2) total displacement, full-resolution pixels of the camera; residual: the same with the
+        ego-motion taken out, NaN = invalid.
+        """
+        length = magnitude(np.nan_to_num(flow))
+        planar = fit_background(residual, self._config, length)
+        if self._config.model == 'planar':
+            return planar
+        sigma = NOISE_PX + NOISE_SHARE * length
+        cost = _cost(residual, planar, sigma, SURFACE_DIMENSION)
+        if self._config.model == 'auto' and cost <= SPACE_DIMENSION * PER_DIMENSION:
+            self._decide(cost - SPACE_DIMENSION * PER_DIMENSION)  # even a perfect fit in space would not be worth it
+            if not self.three_dimensional:
+                return planar
+        if self._config.model == 'plane_parallax':
+            return fit_parallax_background(flow, residual, camera.width, camera.height, self._config) or planar
+        scene = fit_static_scene(flow, residual, camera, self._config, self._motion)
+        if scene is None:
+            return planar
+        self._motion = scene.motion
+        if self._config.model == 'auto':
+            self._decide(cost - _cost(residual, scene.background, sigma, SPACE_DIMENSION))
+        return scene.background if self.three_dimensional or self._config.model == 'epipolar' else planar
+
+    def _decide(self, score: float) -> None:
+        """score: positive where space explains more than it costs."""
+        self._score = score if self._score is None else KEPT_SCORE * self._score + (1.0 - KEPT_SCORE) * score
+        self.three_dimensional = self._score > (-HYSTERESIS if self.three_dimensional else HYSTERESIS)
+
+
+def _cost(residual: FloatArray, background: Background, sigma: FloatArray, dimension: int) -> float:
+    """Mean cost of a cell under a model; the models' own parameters are nothing against so many cells."""
+    error = magnitude(residual - background.flow) / sigma
+    error = error[np.isfinite(error)]
+    bound = OUTLIER * (DATA_DIMENSION - dimension)
+    return float(np.minimum(error ** 2, bound).mean() if error.size else 0.0) + dimension * PER_DIMENSION

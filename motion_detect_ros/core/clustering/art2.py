@@ -1,0 +1,173 @@
+"""ART2 clustering of motion vectors: the variant that keeps magnitude, and the choice of a variant.
+
+The stages are those of adaptive resonance theory (Carpenter and Grossberg 1987; Fausett 1994, section 5.3): an input
+is presented, F2 neurons compete for it, the winner is tested against the vigilance, resonance makes the winner learn,
+reset of every winner commits a new neuron. ART2's normalisation drops the magnitude, so two speeds in one direction
+would be one class (``art2_classic``); here match and vigilance use a similarity in [0, 1] that compares whole
+vectors:
+
+    similarity(s, t) = 1 - |s - t| / (|s| + |t| + 1)            (s, t in units of the noise)
+
+It is 1 for equality only, falls towards 0 for opposite directions and for very different lengths, has no seam in the
+angle, and treats vectors below the noise as alike. Neuron 0 is the background, fixed at zero, and competes first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+
+from motion_detect_ros.core.clustering.alternatives.art2_classic import Art2Classic
+from motion_detect_ros.core.clustering.art2_network import MAX_PASSES, NOT_PRESENTED, Art2Network, LabelArray
+from motion_detect_ros.core.config import Art2Config
+from motion_detect_ros.core.types import DoubleArray, FloatArray
+
+__all__ = ['MAX_PASSES', 'NOT_PRESENTED', 'Art2', 'LabelArray', 'make_art2', 'similarity']
+
+#: Initial neurons are spread over vectors whose match with the background is under this (longer than 4 noise units).
+CLEARLY_MOVING = 0.2
+
+
+def make_art2(config: Art2Config) -> Art2Network[Any]:
+    """An empty memory of the variant that ``config`` chooses."""
+    return Art2Classic(config) if config.variant == 'classic' else Art2(config)
+
+
+@dataclass(frozen=True)
+class Presented:
+    """``vectors``: (N, D); ``length``: (N,), NaN where not presented; ``still``: (N,) match with the background."""
+
+    vectors: FloatArray
+    length: FloatArray
+    still: DoubleArray
+
+
+class Art2(Art2Network[Presented]):
+    """The variant that keeps magnitude; a neuron's prototype is the mean of what it won. Source: see the module."""
+
+    clearly_moving = CLEARLY_MOVING
+
+    def __init__(self, config: Art2Config) -> None:
+        super().__init__(config)
+        self.spread_match = config.spread_match
+
+    def _feed(self, vectors: FloatArray) -> Presented:
+        length = _lengths(vectors)
+        return Presented(vectors, length, _still(length))
+
+    def _compete(self, f1: Presented, labels: LabelArray, match: FloatArray) -> int:
+        return int(_compete(f1.vectors, f1.length, f1.still, self.prototypes, self._config.vigilance, labels, match))
+
+    def _compete_new(self, f1: Presented, labels: LabelArray, match: FloatArray) -> None:
+        _compete_new(f1.vectors, f1.length, f1.still, self.prototypes, self._config.vigilance, labels, match)
+
+    def _commitment(self, f1: Presented, index: int) -> FloatArray:
+        return f1.vectors[index]
+
+    def _learn(self, f1: Presented, labels: LabelArray) -> None:
+        _learn(f1.vectors, labels, self.prototypes, self._config.learning_rate)
+
+    def _pair_matches(self) -> DoubleArray:
+        prototypes = self.prototypes.astype(np.float64)
+        length = np.linalg.norm(prototypes, axis=1)
+        distance = np.linalg.norm(prototypes[:, None] - prototypes, axis=2)
+        matches: DoubleArray = 1.0 - distance / (length[:, None] + length + 1.0)
+        return matches
+
+
+@numba.njit(cache=True, nogil=True, fastmath=False)
+def similarity(sx, sy, tx, ty):  # type: ignore[no-untyped-def]
+    """Match of an input with a prototype, in [0, 1]; see the module's docstring."""
+    distance = np.sqrt((sx - tx) ** 2 + (sy - ty) ** 2)
+    return 1.0 - distance / (np.sqrt(sx * sx + sy * sy) + np.sqrt(tx * tx + ty * ty) + 1.0)
+
+
+@numba.njit(cache=True, nogil=True)
+def _lengths(vectors):  # type: ignore[no-untyped-def]
+    """(N,) float32 length of each row, NaN where it is not finite."""
+    length = np.empty(vectors.shape[0], np.float32)
+    for i in range(vectors.shape[0]):
+        total = np.float32(0.0)
+        for d in range(vectors.shape[1]):
+            total += vectors[i, d] * vectors[i, d]
+        length[i] = np.sqrt(total) if np.isfinite(total) else np.nan
+    return length
+
+
+@numba.njit(cache=True, nogil=True)
+def _still(length):  # type: ignore[no-untyped-def]
+    """(N,) similarity with the background, whose length is 0."""
+    still = np.empty(length.shape[0], np.float64)
+    for i in range(length.shape[0]):
+        still[i] = 1.0 - length[i] / (length[i] + 1.0)
+    return still
+
+
+@numba.njit(cache=True, nogil=True)
+def _match(vectors, length, i, prototypes, j, prototype_length):  # type: ignore[no-untyped-def]
+    """``similarity`` of vector i and prototype j, in any dimension."""
+    total = np.float32(0.0)
+    for d in range(vectors.shape[1]):
+        difference = vectors[i, d] - prototypes[j, d]
+        total += difference * difference
+    return 1.0 - np.sqrt(total) / (length[i] + prototype_length + 1.0)
+
+
+@numba.njit(cache=True, nogil=True)
+def _compete(vectors, length, still, prototypes, vigilance, labels, match):  # type: ignore[no-untyped-def]
+    """F2: background first, then the best of the others; returns how many labels changed.
+
+    ``match`` becomes the best match with any neuron, whoever wins: novelty must not depend on the vigilance.
+    """
+    changed = 0
+    prototype_length = _lengths(prototypes)
+    for i in range(vectors.shape[0]):
+        best, best_match = -1, 0.0
+        if np.isfinite(length[i]):
+            best, best_match = 0, still[i]
+            resonates = best_match >= vigilance
+            if not resonates or best_match < CLEARLY_MOVING:
+                for j in range(1, prototypes.shape[0]):
+                    m = _match(vectors, length, i, prototypes, j, prototype_length[j])
+                    if m > best_match:
+                        best_match = m
+                        if not resonates:
+                            best = j
+        if labels[i] != best:
+            changed += 1
+        labels[i], match[i] = best, best_match
+    return changed
+
+
+@numba.njit(cache=True, nogil=True)
+def _compete_new(vectors, length, still, prototypes, vigilance, labels, match):  # type: ignore[no-untyped-def]
+    """The newest neuron takes the vectors it matches best, but none that resonates with the background."""
+    new = prototypes.shape[0] - 1
+    new_length = _lengths(prototypes[new:])[0]
+    for i in range(vectors.shape[0]):
+        if labels[i] >= 0:
+            m = _match(vectors, length, i, prototypes, new, new_length)
+            if m > match[i]:
+                match[i] = m
+                if still[i] < vigilance:
+                    labels[i] = new
+
+
+@numba.njit(cache=True, nogil=True)
+def _learn(vectors, labels, prototypes, rate):  # type: ignore[no-untyped-def]
+    """Resonance: every neuron but the background moves towards the mean of the vectors it won."""
+    count = np.zeros(prototypes.shape[0], np.int64)
+    total = np.zeros(prototypes.shape, np.float64)
+    for i in range(vectors.shape[0]):
+        j = labels[i]
+        if j > 0:
+            count[j] += 1
+            for d in range(vectors.shape[1]):
+                total[j, d] += vectors[i, d]
+    for j in range(1, prototypes.shape[0]):
+        if count[j] > 0:
+            for d in range(prototypes.shape[1]):
+                prototypes[j, d] += rate * (total[j, d] / count[j] - prototypes[j, d])

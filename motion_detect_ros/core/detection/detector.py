@@ -1,0 +1,69 @@
+"""From the residual flow of one pair of frames to candidate objects: ART2, segments, boxes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from motion_detect_ros.core.background.planar import Background, motion_vectors
+from motion_detect_ros.core.clustering.art2 import make_art2
+from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.detection.motion_field import MotionField
+from motion_detect_ros.core.detection.objects import ObjectFinder
+from motion_detect_ros.core.detection.photometric import ImagePair
+from motion_detect_ros.core.detection.segments import connected_segments
+from motion_detect_ros.core.geometry.frame_history import ReferenceFrame
+from motion_detect_ros.core.geometry.warp import at_scale
+from motion_detect_ros.core.types import FloatArray, PreparedFrame
+
+#: Area of a fragment, share of its object's; gap between the two, share of its size; difference of their velocities,
+#: share of the object's.
+FRAGMENT_SHARE, BESIDE_SHARE, ALIKE_SHARE = 0.2, 0.3, 0.5
+
+
+class MotionDetector:
+    """Holds the ART2 memory of one kind of flow."""
+
+    def __init__(self, config: PipelineConfig) -> None:
+        self._join_match = config.objects.join_match
+        self._art2 = make_art2(config.art2)
+        self._finder = ObjectFinder(config.objects)
+
+    @property
+    def neurons(self) -> int:
+        """Committed ART2 neurons, the background's included."""
+        return len(self._art2.prototypes)
+
+    def reset(self) -> None:
+        """Forget the neurons."""
+        self._art2.reset()
+
+    def candidates(
+        self, residual: FloatArray, background: Background, frame: PreparedFrame, reference: ReferenceFrame,
+    ) -> list[Candidate]:
+        """What moves against the background between ``reference`` and ``frame``.
+
+        residual: (gh, gw, 2) flow with the ego-motion taken out, full-resolution pixels, NaN = unknown.
+        """
+        vectors = motion_vectors(residual, background)
+        labels = self._art2.partial_fit(vectors.reshape(-1, 2)).reshape(vectors.shape[:2])
+        segments = connected_segments(labels, self._art2.prototypes, self._join_match)
+        field = MotionField(residual, background.behind(labels > 0), reference.seconds, frame.scale)
+        pair = ImagePair(frame.gray, reference.gray, at_scale(reference.matrix, frame.scale), frame.mask)
+        return without_fragments(self._finder.find(segments, field, pair, self._art2.names))
+
+
+def without_fragments(candidates: list[Candidate]) -> list[Candidate]:
+    """Without the small ones that move along with a much larger one beside them: its shadow, wake or reflection."""
+    if not candidates:
+        return []
+    centre, size, velocity = (np.array([getattr(one, name) for one in candidates])
+                              for name in ('centre', 'size', 'velocity_px_s'))
+    area, speed = size.prod(axis=1), np.hypot(velocity[:, 0], velocity[:, 1])
+    much_larger = area[:, None] <= FRAGMENT_SHARE * area
+    gap = np.abs(centre[:, None] - centre) - (size[:, None] + size) / 2.0
+    beside = gap.max(axis=2) <= BESIDE_SHARE * np.sqrt(area)[:, None]
+    difference = velocity[:, None] - velocity
+    alike = np.hypot(difference[..., 0], difference[..., 1]) < ALIKE_SHARE * speed
+    fragment = (much_larger & beside & alike).any(axis=1)
+    return [one for one, drop in zip(candidates, fragment, strict=True) if not drop]

@@ -1,0 +1,129 @@
+"""How fast something grows in the picture, from the flow of its own cells."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numba
+import numpy as np
+
+from motion_detect_ros.core.detection.candidate import Candidate, Growth
+from motion_detect_ros.core.geometry.order_statistics import median
+from motion_detect_ros.core.geometry.robust import RAYLEIGH_MEDIAN, TUKEY_C
+from motion_detect_ros.core.types import FloatArray, FlowField
+
+#: Fewer cells than this are no measurement.
+MIN_CELLS = 20
+#: Share of the object's motion that a cell of it has at least; what has less is the seam that flow draws to the ground.
+MOTION_SHARE = 0.75
+#: Re-weighting rounds, and the least deviation believed, pixels.
+ROUNDS, MIN_SIGMA_PX = 5, 0.02
+#: Cells whose errors go together: flow is smooth over patches of about four by four cells.
+CELLS_A_PATCH = 16.0
+#: Nothing was smaller than this share of what it is now.
+MIN_SHRINKAGE = 0.1
+#: A box so close to the border of the picture may be cut by it.
+BORDER_PX = 4.0
+
+
+def with_growth(
+    candidates: list[Candidate], flow: FlowField, object_flow: FloatArray, seconds: float,
+) -> list[Candidate]:
+    """The candidates with the growth of each where its cells tell it.
+
+    flow: total flow over ``seconds``, the camera's part included: contact is between camera and object; object_flow:
+    (gh, gw, 2) motion against the background, pixels, which tells an object's cells from those of the background.
+    """
+    return [replace(seen, growth=growth(flow, object_flow, seen, seconds)) for seen in candidates]
+
+
+def growth(flow: FlowField, object_flow: FloatArray, seen: Candidate, seconds: float) -> Growth | None:
+    """Growth of one candidate, its rate in 1/s; None with too few known cells.
+
+    flow, object_flow: as in ``with_growth``, pixels over ``seconds``.
+    What comes closer at constant speed was smaller by the factor 1 - a, a = seconds * speed / distance then, so the
+    rate now is a / (seconds * (1 - a)) (Lee 1976; Koenderink and van Doorn 1976: divergence = 2 a / seconds).
+    """
+    rows, columns = flow.flow.shape[:2]
+    cell_x, cell_y = flow.width / columns, flow.height / rows
+    (u, v), (width, height) = seen.centre.tolist(), seen.size.tolist()
+    motion_x, motion_y = (seen.velocity_px_s * seconds).tolist()
+    shrunk, variance, cells = _shrinkage(
+        flow.flow, object_flow, motion_x, motion_y,
+        max(0, math.floor((u - width / 2.0) / cell_x)), max(0, math.floor((v - height / 2.0) / cell_y)),
+        min(columns, math.ceil((u + width / 2.0) / cell_x)), min(rows, math.ceil((v + height / 2.0) / cell_y)),
+        cell_x, cell_y)
+    if cells < MIN_CELLS or seconds <= 0.0:
+        return None
+    before = max(1.0 - shrunk, MIN_SHRINKAGE)
+    return Growth(shrunk / (seconds * before), variance / (seconds * before ** 2) ** 2, seconds,
+                  _log_size(seen, flow.width, flow.height))
+
+
+def _log_size(seen: Candidate, width: int, height: int) -> float:
+    """Logarithm of the geometric mean of the sides; NaN where the border of the picture cuts the box."""
+    (u, v), (across, down) = seen.centre.tolist(), seen.size.tolist()
+    beside = min(u - across / 2.0, v - down / 2.0, width - u - across / 2.0, height - v - down / 2.0)
+    return 0.5 * math.log(across * down) if beside >= BORDER_PX else math.nan
+
+
+@numba.njit(cache=True, nogil=True)
+def _shrinkage(  # type: ignore[no-untyped-def]
+    flow, object_flow, motion_x, motion_y, left, top, right, bottom, cell_x, cell_y,
+):
+    """Scale part a of flow = t + a p + b rot90(p) over the cells of this motion, its variance, their number.
+
+    Least squares re-weighted by Tukey's biweight; positions about their weighted mean, so that the normal equations
+    are diagonal.
+    """
+    most = (bottom - top) * (right - left)
+    x, y, u, v = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
+    least, count = MOTION_SHARE * (motion_x ** 2 + motion_y ** 2), 0
+    for row in range(top, bottom):
+        for column in range(left, right):
+            along = object_flow[row, column, 0] * motion_x + object_flow[row, column, 1] * motion_y
+            if not along >= least:  # NaN is not
+                continue
+            x[count], y[count] = (column + 0.5) * cell_x, (row + 0.5) * cell_y
+            u[count], v[count] = flow[row, column, 0], flow[row, column, 1]
+            count += 1
+    if count < MIN_CELLS:
+        return 0.0, np.inf, count
+    x, y, u, v = x[:count], y[:count], u[:count], v[:count]
+    weight, error = np.ones(count), np.empty(count, np.float32)
+    scale, variance = 0.0, np.inf
+    for _ in range(ROUNDS):
+        scale, turn, spread, mean = _similarity(x, y, u, v, weight)
+        if spread <= 0.0:
+            return 0.0, np.inf, 0
+        for n in range(count):
+            px, py = x[n] - mean[0], y[n] - mean[1]
+            error[n] = np.hypot(u[n] - mean[2] - scale * px + turn * py, v[n] - mean[3] - scale * py - turn * px)
+        sigma = max(MIN_SIGMA_PX, median(error) / RAYLEIGH_MEDIAN)
+        variance = sigma ** 2 * CELLS_A_PATCH / spread
+        for n in range(count):
+            weight[n] = max(0.0, 1.0 - (error[n] / (TUKEY_C * sigma)) ** 2) ** 2
+    return scale, variance, count
+
+
+@numba.njit(cache=True, nogil=True)
+def _similarity(x, y, u, v, weight):  # type: ignore[no-untyped-def]
+    """Weighted least squares: a, b, weighted spread of the positions, weighted means of x, y, u, v."""
+    total = sx = sy = su = sv = 0.0
+    for n in range(len(x)):
+        total += weight[n]
+        sx, sy = sx + weight[n] * x[n], sy + weight[n] * y[n]
+        su, sv = su + weight[n] * u[n], sv + weight[n] * v[n]
+    if total <= 0.0:
+        return 0.0, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0)
+    mx, my, mu, mv = sx / total, sy / total, su / total, sv / total
+    spread = along = across = 0.0
+    for n in range(len(x)):
+        px, py, du, dv = x[n] - mx, y[n] - my, u[n] - mu, v[n] - mv
+        spread += weight[n] * (px * px + py * py)
+        along += weight[n] * (px * du + py * dv)
+        across += weight[n] * (px * dv - py * du)
+    if spread <= 0.0:
+        return 0.0, 0.0, 0.0, (mx, my, mu, mv)
+    return along / spread, across / spread, spread, (mx, my, mu, mv)

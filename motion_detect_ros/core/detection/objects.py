@@ -1,0 +1,157 @@
+"""From segments of clustered cells to candidate objects, with boxes fitted on the images."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from motion_detect_ros.core.config import ObjectsConfig
+from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.detection.motion_field import MotionField
+from motion_detect_ros.core.detection.patches import Patch, connected_pixels, joined_patches
+from motion_detect_ros.core.detection.photometric import ImagePair, PhotometricTest, image_noise, photometric_test
+from motion_detect_ros.core.detection.scoring import log_odds
+from motion_detect_ros.core.detection.segments import Segment
+from motion_detect_ros.core.geometry.boxes import Box
+from motion_detect_ros.core.geometry.order_statistics import percentile
+from motion_detect_ros.core.geometry.warp import grid_points
+from motion_detect_ros.core.types import BoolArray
+
+#: A segment's surroundings that its object may reach into, working-resolution pixels.
+MARGIN_PX = 8
+#: The same before a three-dimensional background, share of the segment's size: only the part of an object that is below
+#: the ground's depth gives it away, what stands above that part may be as large.
+SPACE_MARGIN_SHARE = 0.5
+#: Fewer foreground pixels than this are noise.
+MIN_PIXELS = 8
+#: The gain that a patch's strongest pixels reach, as a percentile.
+PEAK_PERCENTILE = 90.0
+
+
+class ObjectFinder:
+    """Checks every segment against the images and fits its boxes."""
+
+    def __init__(self, config: ObjectsConfig) -> None:
+        self._config = config
+
+    def find(
+        self, segments: list[Segment], field: MotionField, pair: ImagePair, names: npt.NDArray[np.uint32],
+    ) -> list[Candidate]:
+        """Candidates in full-resolution pixels. names: (K,) number of each ART2 neuron."""
+        if not segments:
+            return []
+        rows, columns = field.residual.shape[:2]
+        height, width = pair.current.shape
+        background_flow = field.background.flow * np.float32(field.scale)
+        noise_gray = image_noise(pair, grid_points(rows, columns, width, height), background_flow)
+        return [self._candidate(patch, field, pair, int(names[segment.neuron]))
+                for segment in segments for patch in self._patches(segment, field, pair, noise_gray)]
+
+    def _patches(self, segment: Segment, field: MotionField, pair: ImagePair, noise_gray: float) -> list[Patch]:
+        """Patches of the image around one segment that its motion explains, working-resolution pixels."""
+        height, width = pair.current.shape
+        region = self._region(segment, field, width, height)
+        background_flow = field.background_flow(region, width, height)
+        test = photometric_test(
+            pair, region, background_flow, field.motion_of(segment), noise_gray, self._config.photometric_sigma)
+        found = self._patches_of(test, _cell_mask(segment, field.residual.shape[:2], region, width, height))
+        joined = joined_patches(found, self._config.join_gap_share)
+        return [patch.moved(region.left, region.top) for patch in joined if self._plausible(patch, width * height)]
+
+    @staticmethod
+    def _region(segment: Segment, field: MotionField, width: int, height: int) -> Box:
+        rows, columns = field.residual.shape[:2]
+        cells = segment.box
+        box = Box(cells.left * width // columns, cells.top * height // rows,
+                  -(-cells.right * width // columns), -(-cells.bottom * height // rows))
+        margin = MARGIN_PX
+        if not field.background.smooth:
+            margin = max(margin, round(SPACE_MARGIN_SHARE * min(box.width, box.height)))
+        return box.grown(margin, width, height)
+
+    def _patches_of(self, test: PhotometricTest, inside: BoolArray) -> list[Patch]:
+        """Patches that touch the segment, cut down to the pixels near their strongest gain.
+
+        A soft shadow moves with its object, but its gain is far below that of the object's own edges.
+        """
+        count, labels = connected_pixels(test.foreground, self._config.closing_px)
+        rows = _strong_patches(labels, count, test.foreground, test.gain, inside, self._config.peak_share)
+        return [Patch(Box(*row[:4]), row[4]) for row in rows.tolist() if row[4] >= MIN_PIXELS]
+
+    def _plausible(self, patch: Patch, image_area: int) -> bool:
+        config = self._config
+        return (patch.fill >= config.min_fill and min(patch.box.width, patch.box.height) >= config.min_side_px
+                and patch.box.area <= config.max_area_share * image_area)
+
+    @staticmethod
+    def _candidate(patch: Patch, field: MotionField, pair: ImagePair, name: int) -> Candidate:
+        box, scale = patch.box, field.scale
+        rows, columns = field.residual.shape[:2]
+        height, width = pair.current.shape
+        cells = (slice(box.top * rows // height, -(-box.bottom * rows // height)),
+                 slice(box.left * columns // width, -(-box.right * columns // width)))
+        motion, sigmas, known = field.object_motion(*cells)
+        around = field.known_around(*cells)
+        centre = np.array([box.left + box.right, box.top + box.bottom]) / (2.0 * scale)
+        size = np.array([box.width, box.height]) / scale
+        return Candidate(centre, size, motion.astype(np.float64) / field.seconds, patch.pixels / scale ** 2,
+                         log_odds(patch.pixels, sigmas, known, around), name)
+
+
+def _cell_mask(segment: Segment, grid: tuple[int, ...], region: Box, width: int, height: int) -> BoolArray:
+    """The segment's cells as pixels of ``region``."""
+    mask: BoolArray = _pixels_of(segment.rows, segment.columns, grid[0], grid[1], region.left, region.top, region.right,
+                                 region.bottom, width, height)
+    return mask
+
+
+@numba.njit(cache=True, nogil=True)
+def _pixels_of(rows, columns, grid_rows, grid_columns, left, top, right, bottom, width, height):  # type: ignore[no-untyped-def]
+    """(bottom - top, right - left) pixels of a ``width`` x ``height`` picture that lie in cells (n,) of its grid."""
+    mask = np.zeros((bottom - top, right - left), np.bool_)
+    for n in range(len(rows)):
+        r, c = rows[n], columns[n]
+        y0, y1 = max(top, -(-r * height // grid_rows)), min(bottom, -(-(r + 1) * height // grid_rows))
+        x0, x1 = max(left, -(-c * width // grid_columns)), min(right, -(-(c + 1) * width // grid_columns))
+        for y in range(y0, y1):
+            for x in range(x0, x1):
+                mask[y - top, x - left] = True
+    return mask
+
+
+@numba.njit(cache=True, nogil=True)
+def _strong_patches(labels, count, mask, gain, inside, peak_share):  # type: ignore[no-untyped-def]
+    """(count, 5) left, top, right, bottom, number of the pixels near the peak gain of each label; number 0 where the
+    label does not touch ``inside`` or is too small.
+    """
+    height, width = labels.shape
+    pixels, touches = np.zeros(count, np.int64), np.zeros(count, np.bool_)
+    for y in range(height):
+        for x in range(width):
+            if mask[y, x]:
+                pixels[labels[y, x]] += 1
+                touches[labels[y, x]] |= inside[y, x]
+    starts = np.zeros(count + 1, np.int64)
+    for label in range(count):
+        starts[label + 1] = starts[label] + pixels[label]
+    filled, gains = starts.copy(), np.empty(starts[count], np.float32)
+    for y in range(height):
+        for x in range(width):
+            if mask[y, x]:
+                gains[filled[labels[y, x]]] = gain[y, x]
+                filled[labels[y, x]] += 1
+    limits, patches = np.empty(count, np.float32), np.zeros((count, 5), np.int64)
+    for label in range(count):
+        limits[label], patches[label, 0], patches[label, 1] = np.inf, width, height
+        if touches[label] and pixels[label] >= MIN_PIXELS:
+            of_label = gains[starts[label]:starts[label + 1]]
+            limits[label] = np.float32(peak_share) * percentile(of_label, PEAK_PERCENTILE)
+    for y in range(height):
+        for x in range(width):
+            if mask[y, x] and gain[y, x] > limits[labels[y, x]]:
+                label = labels[y, x]
+                patches[label, 0], patches[label, 1] = min(patches[label, 0], x), min(patches[label, 1], y)
+                patches[label, 2], patches[label, 3] = max(patches[label, 2], x + 1), max(patches[label, 3], y + 1)
+                patches[label, 4] += 1
+    return patches

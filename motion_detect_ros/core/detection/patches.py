@@ -1,0 +1,74 @@
+"""Patches of pixels: connected components of a foreground mask, and parts of one body joined."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from motion_detect_ros.core.geometry.boxes import Box
+from motion_detect_ros.core.types import BoolArray, ByteArray
+
+#: Area of the box around two parts of one body, at most, over the sum of their own boxes.
+MAX_SPREAD = 1.3
+
+
+@dataclass(frozen=True)
+class Patch:
+    """Pixels that belong together: their bounds, and their number."""
+
+    box: Box
+    pixels: int
+
+    @property
+    def fill(self) -> float:
+        """Share of the bounds that the pixels cover."""
+        return self.pixels / self.box.area
+
+    def moved(self, right: int, down: int) -> Patch:
+        """The patch shifted by whole pixels."""
+        return replace(self, box=self.box.moved(right, down))
+
+
+def connected_pixels(mask: BoolArray, closing_px: int) -> tuple[int, npt.NDArray[np.int32]]:
+    """Labels that true pixels share which hang together once gaps up to ``closing_px`` are closed.
+
+    Returns the number of labels, 0 included, which is no group; and (h, w) labels, of meaning on the mask only.
+    """
+    closed = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_CLOSE, _ellipse(closing_px))
+    count, labels = cv2.connectedComponents(closed, connectivity=8)
+    return count, labels
+
+
+@lru_cache(maxsize=8)
+def _ellipse(size_px: int) -> ByteArray:
+    kernel: ByteArray = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size_px, size_px))
+    return kernel
+
+
+def joined_patches(patches: list[Patch], gap_share: float) -> list[Patch]:
+    """Joins patches that are parts of one body, until none are.
+
+    They are closer than ``gap_share`` of the smaller one's size, and together fill their box as they fill their own:
+    the front and the back of a car do, two cars side by side do not.
+    """
+    done: list[Patch] = []
+    waiting = list(patches)
+    while waiting:
+        patch = waiting.pop()
+        near = next((other for other in done if _close(patch, other, gap_share)), None)
+        if near is None:
+            done.append(patch)
+        else:
+            done.remove(near)
+            waiting.append(Patch(patch.box.union(near.box), patch.pixels + near.pixels))
+    return done
+
+
+def _close(a: Patch, b: Patch, gap_share: float) -> bool:
+    size_px = float(np.sqrt(min(a.box.area, b.box.area)))
+    packed = a.box.union(b.box).area <= MAX_SPREAD * (a.box.area + b.box.area)
+    return packed and a.box.gap(b.box) <= gap_share * size_px

@@ -1,0 +1,173 @@
+"""Does an object's own motion explain the image better than the background's motion? And where exactly?
+
+Two hypotheses for every pixel of a candidate: it moved with the background, or with the object. Each predicts the
+pixel from the reference frame; the gain is the drop in squared error from the first to the second, in units of the
+image noise, averaged over a small window. Leaked flow around an object and false flow on textureless ground gain
+nothing.
+
+Where the object has just left, plain background may be explained by its motion too (the ghost of every difference
+image). A pixel of the object at p was at p - motion before, and there the image changed as well; for a ghost that
+place lies behind the object, where nothing changed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numba
+import numpy as np
+
+from motion_detect_ros.core.geometry.boxes import Box
+from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA
+from motion_detect_ros.core.geometry.warp import inverse
+from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
+
+#: Window over which errors are averaged, and slack in position of "the image changed there", pixels.
+WINDOW_PX = 3
+SLACK_PX = 5
+#: Grey levels under which image noise is never taken to be (quantisation, compression).
+MIN_NOISE_GRAY = 1.5
+
+
+@dataclass(frozen=True)
+class ImagePair:
+    """Current and reference grey image, (h, w) uint8 each, ``matrix`` (3, 3) reference -> current, working pixels.
+
+    ``mask``: (h, w) bool, pixels of the current image that show the scene; None = all.
+    """
+
+    current: ByteArray
+    reference: ByteArray
+    matrix: DoubleArray
+    mask: BoolArray | None = None
+
+    @cached_property
+    def back(self) -> FloatArray:
+        """(3, 3) float32: current -> reference pixel."""
+        return inverse(self.matrix).astype(np.float32)
+
+    @cached_property
+    def pictures(self) -> tuple[ByteArray, ByteArray]:
+        """Current and reference, as one kind of array that a kernel is compiled for once."""
+        return np.require(self.current, None, ['C', 'W']), np.require(self.reference, None, ['C', 'W'])
+
+
+@dataclass(frozen=True)
+class PhotometricTest:
+    """``foreground``: (h, w) mask of the moving object; ``gain``: (h, w) likelihood gain that it is judged by."""
+
+    foreground: BoolArray
+    gain: FloatArray
+
+
+def photometric_test(
+    pair: ImagePair, box: Box, background: FloatArray, motion: FloatArray, noise_gray: float, threshold_sigma: float,
+) -> PhotometricTest:
+    """Which pixels of ``box`` the motion explains better than the background, by ``threshold_sigma`` noise levels.
+
+    background: (2,) or (h, w, 2), motion: (2,), pixels over the pair, beyond the ego-motion; noise_gray: one deviation.
+    """
+    background_flow = np.require(np.broadcast_to(background, (box.height, box.width, 2)), np.float32, ['C', 'W'])
+    errors = cv2.blur(_squared_errors(*pair.pictures, pair.back, box.left, box.top, background_flow, motion),
+                      (WINDOW_PX, WINDOW_PX))
+    foreground, gain = _explained(errors, box.left, box.top, background_flow, motion, np.float32(noise_gray ** 2),
+                            np.float32((noise_gray * threshold_sigma) ** 2), np.float32(threshold_sigma ** 2))
+    if pair.mask is not None:
+        foreground &= pair.mask[box.top:box.bottom, box.left:box.right]
+    return PhotometricTest(foreground, gain)
+
+
+def image_noise(pair: ImagePair, points: FloatArray, background: FloatArray) -> float:
+    """Deviation of the grey values that the background's motion leaves unexplained (median absolute, Gaussian scale).
+
+    points: (n, m, 2) sample positions; background: (n, m, 2) motion beyond the ego-motion there, working pixels.
+    """
+    spread = _median_error(*pair.pictures, pair.back, points, background)
+    return max(MIN_NOISE_GRAY, MAD_TO_SIGMA * float(spread))
+
+
+@numba.njit(cache=True, nogil=True)
+def _grey(image, x, y):  # type: ignore[no-untyped-def]
+    """Grey value at a real position, linear, rounded; beyond the border, and for NaN, the border's."""
+    height, width = image.shape
+    x = min(x, np.float32(width - 1)) if x > 0.0 else np.float32(0.0)
+    y = min(y, np.float32(height - 1)) if y > 0.0 else np.float32(0.0)
+    left, top = int(x), int(y)
+    right, bottom = min(left + 1, width - 1), min(top + 1, height - 1)
+    u, v = x - np.float32(left), y - np.float32(top)
+    a, b = np.float32(image[top, left]), np.float32(image[top, right])
+    c, d = np.float32(image[bottom, left]), np.float32(image[bottom, right])
+    above, below = a + u * (b - a), c + u * (d - c)
+    return np.rint(above + v * (below - above))
+
+
+@numba.njit(cache=True, nogil=True, error_model='numpy')
+def _grey_before(image, back, x, y):  # type: ignore[no-untyped-def]
+    """Grey value of the reference image at what ``back`` makes of a current position."""
+    depth = back[2, 0] * x + back[2, 1] * y + back[2, 2]
+    return _grey(image, (back[0, 0] * x + back[0, 1] * y + back[0, 2]) / depth,
+                 (back[1, 0] * x + back[1, 1] * y + back[1, 2]) / depth)
+
+
+@numba.njit(cache=True, nogil=True)
+def _squared_errors(current, reference, back, left, top, background_flow, motion):  # type: ignore[no-untyped-def]
+    """(h, w, 2) squared grey-value error of every pixel of a box if it was background_flow, if it moved."""
+    height, width = background_flow.shape[:2]
+    errors = np.empty((height, width, 2), np.float32)
+    for r in range(height):
+        y = np.float32(top + r)
+        for c in range(width):
+            x, here = np.float32(left + c), np.float32(current[top + r, left + c])
+            miss = here - _grey_before(reference, back, x - background_flow[r, c, 0], y - background_flow[r, c, 1])
+            errors[r, c, 0] = miss * miss
+            miss = here - _grey_before(reference, back, x - motion[0], y - motion[1])
+            errors[r, c, 1] = miss * miss
+    return errors
+
+
+@numba.njit(cache=True, nogil=True, error_model='numpy')
+def _explained(errors, left, top, background_flow, motion, noise, change, threshold):  # type: ignore[no-untyped-def]
+    """(h, w) pixels that gain more than ``threshold`` and came from change, and (h, w) the gain in units of ``noise``.
+
+    errors: (h, w, 2) mean squared errors of a box; change: what of the first is one.
+    """
+    height, width = errors.shape[:2]
+    slack = SLACK_PX // 2
+    mask, gain = np.zeros((height, width), np.bool_), np.empty((height, width), np.float32)
+    for r in range(height):
+        for c in range(width):
+            gain[r, c] = (errors[r, c, 0] - errors[r, c, 1]) / noise
+            if not gain[r, c] > threshold:
+                continue
+            x = np.float32(left + c) - (motion[0] - background_flow[r, c, 0]) - np.float32(left)
+            y = np.float32(top + r) - (motion[1] - background_flow[r, c, 1]) - np.float32(top)
+            if not (-1.0 < x < width and -1.0 < y < height):
+                continue
+            column, row = int(np.rint(x)), int(np.rint(y))
+            if not (0 <= column < width and 0 <= row < height):
+                continue
+            for near_r in range(max(0, row - slack), min(height, row + slack + 1)):
+                for near_c in range(max(0, column - slack), min(width, column + slack + 1)):
+                    mask[r, c] |= errors[near_r, near_c, 0] > change
+    return mask, gain
+
+
+@numba.njit(cache=True, nogil=True)
+def _median_error(current, reference, back, points, background_flow):  # type: ignore[no-untyped-def]
+    """Median grey-value error at ``points`` (n, m, 2) if they were still; errors are whole numbers, so by counting."""
+    counts = np.zeros(256, np.int64)
+    for r in range(points.shape[0]):
+        for c in range(points.shape[1]):
+            x, y = points[r, c, 0], points[r, c, 1]
+            before = _grey_before(reference, back, x - background_flow[r, c, 0], y - background_flow[r, c, 1])
+            counts[int(abs(_grey(current, x, y) - before))] += 1
+    total = points.shape[0] * points.shape[1]
+    low = high = passed = 0
+    while passed <= total // 2 and high < len(counts):
+        if passed <= (total - 1) // 2:
+            low = high
+        passed += counts[high]
+        high += 1
+    return (low + high - 1) / 2.0

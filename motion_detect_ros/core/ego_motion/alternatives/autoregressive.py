@@ -1,0 +1,122 @@
+"""Autoregressive smoothing of the ego-motion's parameters: for cameras that shake in a rhythm.
+
+Each parameter's rate r (per second, about the image centre, pixels) is predicted from its last p measurements,
+r_k = w1 r_(k-1) + .. + wp r_(k-p), p = ``ar_order``. The weights follow by recursive least squares with exponential
+forgetting over ``ar_forgetting_frames`` (Haykin 2002, chapter 9), from the last value alone as start. The prediction
+and the measurement are averaged by their covariances; that of the prediction is measured on how well the last ones did.
+Frames must come evenly: another frame rate starts anew.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from motion_detect_ros.core.config import EgoMotionConfig
+from motion_detect_ros.core.ego_motion.kalman import GATE_CHI2_6, MAX_REJECTED
+from motion_detect_ros.core.types import DoubleArray
+
+#: Variance of a weight that nothing is known of.
+WEIGHT_VARIANCE = 1.0
+#: Share of the measurement's variance that the prediction's never falls under.
+MIN_SHARE = 0.05
+#: Share that the guess of the error, an acceleration of the process noise, keeps from frame to frame, and its least.
+GUESS_KEPT, MIN_GUESS = 0.8, 1e-6
+#: Change of the frame period from which the weights do not apply any more.
+MAX_PERIOD_RATIO = 1.5
+
+
+class ParameterAutoregression:
+    """Smooths a0..a5 over time and rejects estimates that the camera's habit does not explain."""
+
+    _period_s: float
+
+    def __init__(self, config: EgoMotionConfig) -> None:
+        self._order = config.ar_order
+        self._keep = 1.0 - 1.0 / config.ar_forgetting_frames
+        self._jump = config.process_noise_px_per_s2
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past; the next measurement is taken as it is."""
+        self._start(np.empty((0, 6)), 0.0)
+
+    def forecast(self, dt_s: float) -> DoubleArray | None:
+        """(6,) parameters expected of the next frame, pixels over ``dt_s``; None before enough were measured."""
+        if len(self._recent) < self._order:
+            return None
+        forecast: DoubleArray = (self._weights * self._recent.T).sum(axis=1) * dt_s
+        return forecast
+
+    def update(
+        self, params: DoubleArray, covariance: DoubleArray, _stamp_ns: int, dt_s: float,
+    ) -> tuple[DoubleArray, DoubleArray, bool]:
+        """Filtered parameters, their covariance, and whether the measurement passed the gate.
+
+        params: (6,), covariance: (6, 6) about the image centre, pixels over ``dt_s``.
+        """
+        if self._period_s and not 1.0 / MAX_PERIOD_RATIO < dt_s / self._period_s < MAX_PERIOD_RATIO:
+            self.reset()
+        self._period_s = dt_s
+        expected = self.forecast(dt_s)
+        if expected is None:
+            self._remember(params / dt_s)
+            return params, covariance, True
+        spread = self._forecast_covariance(covariance, dt_s)
+        innovation = params - expected
+        if innovation @ np.linalg.solve(spread + covariance, innovation) > GATE_CHI2_6:
+            return self._rejected_update(params, expected, covariance, dt_s)
+        gain = spread @ np.linalg.inv(spread + covariance)
+        self._learn(innovation / dt_s, np.diag(covariance) / dt_s ** 2, dt_s)
+        self._remember(params / dt_s)
+        self._rejected = 0
+        return expected + gain @ innovation, gain @ covariance, True
+
+    def _start(self, recent: DoubleArray, period_s: float) -> None:
+        self._recent = recent  # (n, 6) rates, latest first
+        self._period_s = period_s
+        self._rejected = 0
+        self._weights = np.zeros((6, self._order))
+        self._weights[:, 0] = 1.0
+        self._doubt = np.tile(WEIGHT_VARIANCE * np.eye(self._order), (6, 1, 1))
+        self._errors = self._noise = np.zeros(6)  # sums, forgetting, of squared innovations and measured variances
+        self._count, self._guess = 0.0, 1.0
+
+    def _remember(self, rates: DoubleArray) -> None:
+        self._recent = np.vstack([rates, self._recent])[:self._order]
+
+    def _rejected_update(
+        self, params: DoubleArray, expected: DoubleArray, covariance: DoubleArray, dt_s: float,
+    ) -> tuple[DoubleArray, DoubleArray, bool]:
+        """The forecast stands for the measurement; after too many of them everything starts anew."""
+        self._rejected += 1
+        if self._rejected < MAX_REJECTED:
+            self._remember(expected / dt_s)
+            return expected, covariance, False
+        self._start((params / dt_s)[None], dt_s)
+        return params, covariance, True
+
+    def _squared_error(self, dt_s: float) -> DoubleArray:
+        """(6,) of the rates' innovation; before there are many, as for an acceleration of the process noise."""
+        guessed = self._guess * (self._jump * dt_s) ** 2
+        squared: DoubleArray = (self._errors + guessed) / (self._count + self._guess)
+        return squared
+
+    def _forecast_covariance(self, covariance: DoubleArray, dt_s: float) -> DoubleArray:
+        """(6, 6) of ``forecast``: what the squared innovations have beyond the measurements' own variance."""
+        own = self._squared_error(dt_s) - self._noise / max(self._count, 1.0)
+        return np.diag(np.maximum(own * dt_s ** 2, MIN_SHARE * np.diag(covariance)))
+
+    def _learn(self, innovation: DoubleArray, variance: DoubleArray, dt_s: float) -> None:
+        """One step of recursive least squares for each parameter. innovation, variance: (6,) of the rates."""
+        noise = self._squared_error(dt_s)
+        past = self._recent.T
+        along = np.einsum('kij,kj->ki', self._doubt, past)
+        gain = along / (self._keep * noise + (past * along).sum(axis=1))[:, None]
+        self._weights = self._weights + gain * innovation[:, None]
+        doubt = (self._doubt - gain[:, :, None] * along[:, None, :]) / self._keep
+        trace = np.trace(doubt, axis1=1, axis2=2)
+        self._doubt = doubt * np.minimum(1.0, WEIGHT_VARIANCE * self._order / trace)[:, None, None]
+        self._errors = self._keep * self._errors + innovation ** 2
+        self._noise = self._keep * self._noise + variance
+        self._count = self._keep * self._count + 1.0
+        self._guess = max(GUESS_KEPT * self._guess, MIN_GUESS)

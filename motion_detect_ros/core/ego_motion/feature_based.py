@@ -1,0 +1,69 @@
+"""Ego-motion from tracked features (``ego_motion.method: indirect``)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from motion_detect_ros.core.config import EgoMotionConfig
+from motion_detect_ros.core.ego_motion.features import BLOCK_PX, check_features, find_features
+from motion_detect_ros.core.ego_motion.measurement import MIN_TRACKS, EgoMotionMeasurement, centre_of, is_plausible
+from motion_detect_ros.core.ego_motion.point_tracking import track_close, track_points
+from motion_detect_ros.core.ego_motion.robust_fit import MotionFit, fit_motion
+from motion_detect_ros.core.geometry.motion_models import model_family, theta_matrix
+from motion_detect_ros.core.geometry.warp import apply, at_scale, stabilise
+from motion_detect_ros.core.types import DoubleArray, EgoStatus, FloatArray, PreparedFrame
+
+#: Change of the linear part from which a patch of the size of the tracking window is visibly deformed.
+DEFORMED = 0.02
+
+
+class IndirectMethod:
+    """Features found in the previous frame, tracked into the current one, and a robust fit to their displacements."""
+
+    def __init__(self, config: EgoMotionConfig) -> None:
+        """Raises: BackendError for features that this OpenCV does not have."""
+        self._config = config
+        self._family = model_family(config.model)
+        check_features(config.features)
+
+    def measure(
+        self, previous: PreparedFrame, frame: PreparedFrame, prior: DoubleArray | None = None,
+    ) -> EgoMotionMeasurement:
+        """As ``EgoMethod``; ``prior`` is where the tracker starts to look."""
+        config = self._config
+        at_work = None if prior is None else at_scale(prior, frame.scale)
+        points = find_features(
+            config.features, previous.gray, config.max_corners, config.corner_quality, previous.mask)
+        if len(points) < MIN_TRACKS:
+            return EgoMotionMeasurement(None, EgoStatus.LOW_TEXTURE, len(points))
+        moved, good = track_points(previous.gray, frame.gray, points, config, at_work)
+        earlier, later = points[good] / np.float32(frame.scale), moved[good] / np.float32(frame.scale)
+        if len(earlier) < MIN_TRACKS:
+            return EgoMotionMeasurement(None, EgoStatus.LOW_TEXTURE, len(earlier))
+        fit = self._fit(earlier, later, frame)
+        if fit is None:
+            return EgoMotionMeasurement(None, EgoStatus.DEGENERATE, len(earlier), earlier, later)
+        matrix = theta_matrix(fit.theta, centre_of(frame))
+        if np.abs(matrix[:2, :2] - np.eye(2)).max() > DEFORMED:
+            fit = self._refined(matrix, points, previous, frame) or fit
+        return EgoMotionMeasurement(fit, EgoStatus.OK, len(earlier), earlier, later)
+
+    def _fit(self, points: FloatArray, moved: FloatArray, frame: PreparedFrame) -> MotionFit | None:
+        centre = centre_of(frame)
+        fit = fit_motion(self._family, points, moved, self._config.ransac_threshold_px, centre)
+        return fit if is_plausible(fit, centre) else None
+
+    def _refined(
+        self, matrix: DoubleArray, points: FloatArray, previous: PreparedFrame, frame: PreparedFrame,
+    ) -> MotionFit | None:
+        """Tracks again on the previous frame warped by the first estimate: turned and scaled patches match badly."""
+        at_work = at_scale(matrix, frame.scale)
+        start = apply(at_work, points)
+        seen = ((start > BLOCK_PX) & (start < np.array(frame.gray.shape[::-1]) - BLOCK_PX)).all(axis=1)
+        if seen.sum() < MIN_TRACKS:
+            return None
+        warped = stabilise(previous.gray, at_work)
+        moved, good = track_close(warped, frame.gray, start[seen], self._config, np.eye(3))
+        if good.sum() < MIN_TRACKS:
+            return None
+        return self._fit(points[seen][good] / np.float32(frame.scale), moved[good] / np.float32(frame.scale), frame)

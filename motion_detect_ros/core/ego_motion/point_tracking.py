@@ -1,0 +1,90 @@
+"""Points followed from one image into another: pyramidal Lucas-Kanade (Bouguet 2001), checked on the way back."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from motion_detect_ros.core.config import EgoMotionConfig
+from motion_detect_ros.core.geometry.warp import apply, inverse
+from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
+
+#: Every such point is a scout, searched for over the whole pyramid; fewer seeds than this cannot lead the others.
+SEED_STRIDE, MIN_SEEDS = 6, 20
+#: Distance up to which seeds agree on a motion, pixels: what one pyramid level still makes up for.
+AGREEMENT_PX = 3.0
+
+
+def track_points(
+    previous: ByteArray, current: ByteArray, points: FloatArray, config: EgoMotionConfig,
+    prior: DoubleArray | None = None,
+) -> tuple[FloatArray, BoolArray]:
+    """(N, 2) float32 where ``points`` are in ``current``, and (N,) bool which of them are found again on the way back.
+
+    previous, current: (h, w) uint8 of the same size; points: (N, 2) float32 pixels of these images; prior: (3, 3)
+    where the search starts, previous pixel -> current pixel, None = where they were. Seed points find the common
+    motion; the search around it needs no pyramid. What is not found there, a moving object or another depth, is
+    searched for over the whole pyramid.
+    Source: Bouguet 2001; the check on the way back: Kalal et al. 2010.
+    """
+    common = _common_motion(previous, current, points, config, prior)
+    if common is None:
+        return _both_ways(previous, current, points, config, prior, config.pyramid_levels)
+    moved, good = track_close(previous, current, points, config, common)
+    if not good.all():
+        moved[~good], good[~good] = _both_ways(previous, current, points[~good], config, prior, config.pyramid_levels)
+    return moved, good
+
+
+def track_close(
+    previous: ByteArray, current: ByteArray, points: FloatArray, config: EgoMotionConfig, motion: DoubleArray,
+) -> tuple[FloatArray, BoolArray]:
+    """As ``track_points``, without pyramid, for points that move by ``motion`` but for a few pixels.
+
+    motion: (3, 3) previous pixel -> current pixel, of the images as given.
+    """
+    return _both_ways(previous, current, points, config, motion, 0)
+
+
+def _common_motion(
+    previous: ByteArray, current: ByteArray, points: FloatArray, config: EgoMotionConfig, prior: DoubleArray | None,
+) -> DoubleArray | None:
+    """(3, 3) affine that most seeds agree on; None where there are too few of them."""
+    seeds = np.ascontiguousarray(points[::SEED_STRIDE])
+    if len(seeds) < MIN_SEEDS:
+        return None
+    moved, found = _one_way(
+        previous, current, seeds, config, None if prior is None else apply(prior, seeds), config.pyramid_levels)
+    if found.sum() < MIN_SEEDS:
+        return None
+    affine, _ = cv2.estimateAffine2D(
+        seeds[found], moved[found], method=cv2.RANSAC, ransacReprojThreshold=AGREEMENT_PX)
+    if affine is None or abs(np.linalg.det(affine[:, :2])) < 0.5:
+        return None
+    return np.vstack([affine, [0.0, 0.0, 1.0]])
+
+
+def _both_ways(
+    previous: ByteArray, current: ByteArray, points: FloatArray, config: EgoMotionConfig,
+    prior: DoubleArray | None, levels: int,
+) -> tuple[FloatArray, BoolArray]:
+    """The way back starts where the prior, not the way there, says: it has to find ``points`` by itself."""
+    there, found = _one_way(
+        previous, current, points, config, None if prior is None else apply(prior, points), levels)
+    back, found_back = _one_way(
+        current, previous, there, config, None if prior is None else apply(inverse(prior), there), levels)
+    away = back - points
+    with np.errstate(invalid='ignore', over='ignore'):
+        near = away[:, 0] ** 2 + away[:, 1] ** 2 < config.forward_backward_px ** 2
+    return there, found & found_back & near
+
+
+def _one_way(
+    one: ByteArray, other: ByteArray, points: FloatArray, config: EgoMotionConfig,
+    guess: FloatArray | None, levels: int,
+) -> tuple[FloatArray, BoolArray]:
+    """levels: of the pyramid above the images themselves."""
+    window = (config.lk_window_px, config.lk_window_px)
+    flags = 0 if guess is None else cv2.OPTFLOW_USE_INITIAL_FLOW
+    moved, found, _ = cv2.calcOpticalFlowPyrLK(one, other, points, guess, winSize=window, maxLevel=levels, flags=flags)
+    return moved, found.ravel() > 0

@@ -1,0 +1,55 @@
+"""Filters on the ego-motion's parameters over time, behind one type; ``make_smoother`` is the registry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from motion_detect_ros.core.config import EgoMotionConfig
+from motion_detect_ros.core.ego_motion.alternatives.autoregressive import ParameterAutoregression
+from motion_detect_ros.core.ego_motion.kalman import ParameterKalman
+from motion_detect_ros.core.errors import ConfigError
+from motion_detect_ros.core.types import DoubleArray
+
+
+class Smoother(Protocol):
+    """Makes the best of measured parameters and what earlier ones let expect."""
+
+    def reset(self) -> None:
+        """Forget the past; the next measurement is taken as it is."""
+
+    def update(
+        self, params: DoubleArray, covariance: DoubleArray, stamp_ns: int, dt_s: float,
+    ) -> tuple[DoubleArray, DoubleArray, bool]:
+        """Filtered parameters, their covariance, and whether the measurement passed the gate.
+
+        params: (6,), covariance: (6, 6) about the image centre, pixels over ``dt_s`` (``motion_models``).
+        """
+        ...
+
+
+class Unsmoothed:
+    """No filter."""
+
+    def reset(self) -> None:
+        """Nothing to forget."""
+
+    def update(
+        self, params: DoubleArray, covariance: DoubleArray, _stamp_ns: int, _dt_s: float,
+    ) -> tuple[DoubleArray, DoubleArray, bool]:
+        """What was measured."""
+        return params, covariance, True
+
+
+def make_smoother(config: EgoMotionConfig) -> Smoother:
+    """The filter ``config.smoothing``. Raises: ConfigError for an unknown one."""
+    if config.smoothing not in SMOOTHERS:
+        raise ConfigError(f'ego_motion.smoothing: expected one of {", ".join(SMOOTHERS)}, got {config.smoothing!r}')
+    return SMOOTHERS[config.smoothing](config)
+
+
+SMOOTHERS: dict[str, Callable[[EgoMotionConfig], Smoother]] = {
+    'kalman': ParameterKalman,
+    'autoregressive': ParameterAutoregression,
+    'none': lambda _: Unsmoothed(),
+}

@@ -1,0 +1,111 @@
+"""Ego-motion: how the camera's own motion moved the background between two frames."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.ego_motion.alternatives.gyro_prior import GyroPrior, Prior
+from motion_detect_ros.core.ego_motion.alternatives.relative_pose import RelativePoseEstimator
+from motion_detect_ros.core.ego_motion.measurement import EgoMotionMeasurement, centre_of
+from motion_detect_ros.core.ego_motion.methods import make_method
+from motion_detect_ros.core.ego_motion.robust_fit import MotionFit
+from motion_detect_ros.core.ego_motion.smoothing import make_smoother
+from motion_detect_ros.core.geometry.affine import to_centre
+from motion_detect_ros.core.geometry.motion_models import theta_matrix
+from motion_detect_ros.core.types import (
+    NANOSECONDS,
+    CameraModel,
+    DoubleArray,
+    EgoMotion,
+    EgoStatus,
+    PreparedFrame,
+    RelativePose,
+)
+
+
+class EgoMotionStage:
+    """Measures the background's motion from frame to frame and smooths its parameters."""
+
+    def __init__(self, config: PipelineConfig, camera: CameraModel | None = None) -> None:
+        """Raises: BackendError for features that this OpenCV does not have."""
+        self._config = config.ego_motion
+        self.camera = camera
+        self._method = make_method(self._config)
+        self._filter = make_smoother(self._config)
+        self._gyro = GyroPrior(config.imu)
+        self._in_space = RelativePoseEstimator(config.background.focal_share)
+        self._previous: PreparedFrame | None = None
+        cv2.setRNGSeed(0)
+
+    def reset(self) -> None:
+        """Forget the previous frame, the filter's state, the camera's motion and the angular rates."""
+        self._previous = None
+        self._filter.reset()
+        self._in_space.reset()
+        self._gyro.reset()
+
+    def add_gyro(self, stamp_ns: int, rate: DoubleArray) -> None:
+        """An angular rate, in order of time, before the first frame that is later. Without ``imu.use``: nothing.
+
+        stamp_ns: of the IMU's clock; rate: (3,) rad/s in the IMU's frame (``core.ego_motion.alternatives.imu``).
+        """
+        self._gyro.add(stamp_ns, rate)
+
+    def process(self, frame: PreparedFrame) -> EgoMotion:
+        """Motion from the frame of the last call to ``frame``. Never raises on image content: see ``status``."""
+        previous, self._previous = self._previous, frame
+        status = self._continuity(previous, frame)
+        if previous is None or status != EgoStatus.OK:
+            self._filter.reset()
+            self._in_space.reset()
+            return no_estimate(status, frame.stamp_ns, frame.stamp_ns)
+        prior = self._gyro.between(previous, frame, self.camera)
+        measured = self._method.measure(previous, frame, None if prior is None else prior.matrix)
+        ego = self._planar(measured, prior, previous, frame)
+        return replace(ego, camera=self._camera_motion(measured, frame)) if self._config.relative_pose else ego
+
+    def _planar(
+        self, measured: EgoMotionMeasurement, prior: Prior | None, previous: PreparedFrame, frame: PreparedFrame,
+    ) -> EgoMotion:
+        if measured.fit is None:
+            self._filter.reset()
+            if prior is not None:
+                return prior.ego_motion(frame.stamp_ns, previous.stamp_ns, measured.tracks)
+            return no_estimate(measured.status, frame.stamp_ns, previous.stamp_ns, measured.tracks)
+        return self._smoothed(measured.fit, measured.tracks, previous, frame)
+
+    def _continuity(self, previous: PreparedFrame | None, frame: PreparedFrame) -> EgoStatus:
+        if previous is None:
+            return EgoStatus.FIRST_FRAME
+        if (previous.width, previous.height) != (frame.width, frame.height):
+            return EgoStatus.SIZE_CHANGE
+        dt_s = (frame.stamp_ns - previous.stamp_ns) / NANOSECONDS
+        return EgoStatus.OK if 0.0 < dt_s <= self._config.max_gap_s else EgoStatus.TIME_JUMP
+
+    def _camera_motion(self, measured: EgoMotionMeasurement, frame: PreparedFrame) -> RelativePose | None:
+        if measured.earlier is None or measured.current is None:
+            self._in_space.reset()
+            return None
+        return self._in_space.estimate(measured.earlier, measured.current, frame.width, frame.height, self.camera)
+
+    def _smoothed(self, fit: MotionFit, tracks: int, previous: PreparedFrame, frame: PreparedFrame) -> EgoMotion:
+        """The affine part as the filter sees it; what of the warp is perspective stays as measured."""
+        dt_s = (frame.stamp_ns - previous.stamp_ns) / NANOSECONDS
+        params, covariance, accepted = self._filter.update(fit.theta[:6], fit.covariance[:6, :6], frame.stamp_ns, dt_s)
+        if not accepted:
+            return no_estimate(EgoStatus.OUTLIER_GATED, frame.stamp_ns, previous.stamp_ns, tracks)
+        centre = centre_of(frame)
+        back = np.linalg.inv(to_centre(centre))
+        return EgoMotion(
+            theta_matrix(np.r_[params, fit.theta[6:]], centre), back @ covariance @ back.T, EgoStatus.OK,
+            frame.stamp_ns, previous.stamp_ns, int(fit.inliers.sum()), tracks, fit.residual_px, fit.model)
+
+
+def no_estimate(status: EgoStatus, stamp_ns: int, prev_stamp_ns: int, tracks: int = 0) -> EgoMotion:
+    """An ``EgoMotion`` that says why there is none: identity matrix, NaN covariance."""
+    nothing: DoubleArray = np.full((6, 6), np.nan)
+    return EgoMotion(np.eye(3), nothing, status, stamp_ns, prev_stamp_ns, tracks=tracks)

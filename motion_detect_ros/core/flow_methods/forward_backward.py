@@ -1,0 +1,66 @@
+"""Flow in both directions between two pictures, kept where the two agree (Sundaram et al. 2010)."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import cv2
+import numba
+import numpy as np
+
+from motion_detect_ros.core.flow_methods.flow_function import FlowFunction
+from motion_detect_ros.core.geometry.warp import grid_points
+from motion_detect_ros.core.types import ByteArray, FloatArray
+
+#: Share of the squared lengths of both flows that their disagreement may reach (Sundaram et al. 2010, equation 5).
+CONSISTENT_SHARE = 0.01
+
+
+@dataclass(frozen=True)
+class BackwardWorker:
+    """Computes the backward flow while the caller computes the forward flow.
+
+    ``flow``: the same method once more, as most keep buffers between calls; ``pool``: one worker.
+    """
+
+    flow: FlowFunction
+    pool: ThreadPoolExecutor
+
+
+def forward_backward_flow(
+    flow: FlowFunction, current: ByteArray, reference: ByteArray, rows: int, columns: int, limit_px: float,
+    worker: BackwardWorker | None = None,
+) -> FloatArray:
+    """(rows, columns, 2) displacement from ``current`` to ``reference``, NaN where forward and backward disagree.
+
+    Averaged over the cells of the grid first: most methods are no finer than that. limit_px: largest distance between
+    a point and where forward and backward flow lead it, plus a share of their lengths. worker: computes the backward
+    flow at the same time, None = ``flow`` does, afterwards. The answer is the same with and without it.
+    """
+    def one_way(method: FlowFunction, one: ByteArray, other: ByteArray) -> FloatArray:
+        return np.asarray(cv2.resize(method(one, other), (columns, rows), interpolation=cv2.INTER_AREA), np.float32)
+
+    if worker is None:
+        forward, backward = one_way(flow, current, reference), one_way(flow, reference, current)
+    else:
+        submitted = worker.pool.submit(one_way, worker.flow, reference, current)
+        forward, backward = one_way(flow, current, reference), submitted.result()
+    cell_px = np.array([current.shape[1] / columns, current.shape[0] / rows], np.float32)
+    target = forward / cell_px + grid_points(rows, columns, columns, rows)
+    returned = cv2.remap(backward, target, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return _consistent(forward, returned, np.float32(limit_px ** 2))
+
+
+@numba.njit(cache=True, nogil=True)
+def _consistent(forward, returned, limit_squared):  # type: ignore[no-untyped-def]
+    """``forward`` (rows, columns, 2), NaN where ``returned``, the backward flow at its end, does not lead back."""
+    checked = np.full(forward.shape, np.nan, np.float32)
+    for r in range(forward.shape[0]):
+        for c in range(forward.shape[1]):
+            dx, dy, back_x, back_y = forward[r, c, 0], forward[r, c, 1], returned[r, c, 0], returned[r, c, 1]
+            error = (dx + back_x) * (dx + back_x) + (dy + back_y) * (dy + back_y)
+            length = (dx * dx + dy * dy) + (back_x * back_x + back_y * back_y)
+            if error <= limit_squared + np.float32(CONSISTENT_SHARE) * length:
+                checked[r, c, 0], checked[r, c, 1] = dx, dy
+    return checked

@@ -1,0 +1,29 @@
+"""Frame decimation: the first m of every n frames are processed."""
+
+from __future__ import annotations
+
+
+class FrameDecimation:
+    """Says of each frame in turn whether it is processed: the first ``keep`` of every ``of``.
+
+    What is left out is as if it had never been seen; all motion is per second of the stamps, not per frame.
+    """
+
+    def __init__(self, keep: int, of: int) -> None:
+        self._keep, self._of = keep, of
+        self._seen = 0
+
+    @property
+    def active(self) -> bool:
+        """Whether any frame is left out at all."""
+        return self._keep < self._of
+
+    def keep_next(self) -> bool:
+        """Whether the next frame is processed; to be asked once for every frame."""
+        kept = self._seen % self._of < self._keep
+        self._seen += 1
+        return kept
+
+    def reset(self) -> None:
+        """Start with a new group."""
+        self._seen = 0

@@ -1,0 +1,49 @@
+"""Axis-aligned pixel boxes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Box:
+    """Left, top, right, bottom in working-resolution pixels; right and bottom are exclusive."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def width(self) -> int:
+        """Pixels."""
+        return self.right - self.left
+
+    @property
+    def height(self) -> int:
+        """Pixels."""
+        return self.bottom - self.top
+
+    @property
+    def area(self) -> int:
+        """Pixels."""
+        return self.width * self.height
+
+    def grown(self, margin: int, width: int, height: int) -> Box:
+        """The box with ``margin`` on every side, cut to an image of ``width`` x ``height``."""
+        return Box(max(0, self.left - margin), max(0, self.top - margin),
+                   min(width, self.right + margin), min(height, self.bottom + margin))
+
+    def moved(self, right: int, down: int) -> Box:
+        """The box shifted by whole pixels."""
+        return Box(self.left + right, self.top + down, self.right + right, self.bottom + down)
+
+    def union(self, other: Box) -> Box:
+        """The smallest box around both."""
+        return Box(min(self.left, other.left), min(self.top, other.top),
+                   max(self.right, other.right), max(self.bottom, other.bottom))
+
+    def gap(self, other: Box) -> int:
+        """Largest distance along an axis between the boxes; 0 where they touch or overlap."""
+        return max(0, self.left - other.right, other.left - self.right,
+                   self.top - other.bottom, other.top - self.bottom)

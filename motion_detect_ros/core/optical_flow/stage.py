@@ -1,0 +1,63 @@
+"""Dense optical flow between the current frame and the reference frame, stabilised, forward and backward."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import cv2
+import numpy as np
+
+from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.flow_methods.forward_backward import BackwardWorker, forward_backward_flow
+from motion_detect_ros.core.flow_methods.registry import BUILT_IN, make_flow
+from motion_detect_ros.core.geometry.frame_history import ReferenceFrame
+from motion_detect_ros.core.geometry.warp import at_scale, stabilise
+from motion_detect_ros.core.optical_flow.alternatives.block_search import search_fast_movers
+from motion_detect_ros.core.optical_flow.alternatives.regions import RegionsOfInterest, confined
+from motion_detect_ros.core.optical_flow.conversion import total_flow
+from motion_detect_ros.core.types import EgoMotion, FloatArray, FlowField, PreparedFrame
+
+
+class OpticalFlowStage:
+    """Gives the flow from the reference frame, ``baseline_s`` seconds ago, into each new frame."""
+
+    def __init__(self, config: PipelineConfig) -> None:
+        """Raises: BackendError where the method is not in this installation."""
+        self._config = config.optical_flow
+        self._flow = make_flow(self._config)
+        self._worker = (BackwardWorker(make_flow(self._config), ThreadPoolExecutor(1, 'backward_flow'))
+                        if self._config.method in BUILT_IN else None)
+        self._regions = RegionsOfInterest(self._config.full_every)
+
+    def reset(self) -> None:
+        """Forget what moved last."""
+        self._regions.reset()
+
+    def process(self, frame: PreparedFrame, ego: EgoMotion, reference: ReferenceFrame | None) -> FlowField:
+        """Flow from ``reference`` into ``frame``; all NaN where there is none to compare with.
+
+        ego: motion into ``frame``; reference: what ``FrameHistory`` gives for it.
+        """
+        flow = self._unknown(frame) if reference is None else self._between(reference, frame, ego)
+        return FlowField(flow, frame.width, frame.height, frame.stamp_ns)
+
+    def _grid(self, frame: PreparedFrame) -> tuple[int, int]:
+        rows, columns = frame.gray.shape
+        return max(1, round(rows / self._config.grid_px)), max(1, round(columns / self._config.grid_px))
+
+    def _unknown(self, frame: PreparedFrame) -> FloatArray:
+        return np.full((*self._grid(frame), 2), np.nan, np.float32)
+
+    def _between(self, reference: ReferenceFrame, frame: PreparedFrame, ego: EgoMotion) -> FloatArray:
+        """Total displacement on the grid: flow of the stabilised pair, put back under the ego-motion."""
+        rows, columns = self._grid(frame)
+        stabilised = stabilise(reference.gray, at_scale(reference.matrix, frame.scale))
+        boxes = self._regions.boxes(frame, ego, (rows, columns))
+        worker = self._worker if cv2.getNumThreads() > 1 else None
+        shift = forward_backward_flow(
+            confined(self._flow, boxes), frame.gray, stabilised, rows, columns, self._config.forward_backward_px,
+            worker and BackwardWorker(confined(worker.flow, boxes), worker.pool))
+        if self._config.search_px:
+            shift = search_fast_movers(shift, frame.gray, stabilised, self._config.search_px)
+        self._regions.remember(shift, frame.stamp_ns)
+        return total_flow(shift, reference.matrix, frame.scale, frame.width, frame.height)

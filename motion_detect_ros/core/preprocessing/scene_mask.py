@@ -1,0 +1,46 @@
+"""Where the picture is the scene's: regions that the user rules out, as pixels and as cells of the flow grid."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from motion_detect_ros.core.errors import FrameError
+from motion_detect_ros.core.geometry.warp import at_scale, stabilise
+from motion_detect_ros.core.regions import Region
+from motion_detect_ros.core.types import BoolArray, DoubleArray
+
+#: Share of a cell that must be the scene's; the rest is rounding.
+WHOLE = 1.0 - 1e-4
+
+
+def regions_mask(
+    regions: tuple[Region, ...], width: int, height: int, shape: tuple[int, int],
+) -> BoolArray | None:
+    """(h, w) = ``shape``: False for every pixel that shows any of ``regions`` of a ``width`` x ``height`` picture.
+
+    None where there are no regions. Raises: FrameError for a region that is not on the picture.
+    """
+    if not regions:
+        return None
+    across, down = shape[1] / width, shape[0] / height
+    mask = np.ones(shape, np.bool_)
+    for region in regions:
+        if region.x >= width or region.y >= height:
+            raise FrameError(f'preprocessing.ignore_regions: region {",".join(map(str, region))} is not on the '
+                             f'{width}x{height} picture')
+        right, bottom = (region.x + region.width) * across, (region.y + region.height) * down
+        mask[int(region.y * down):int(np.ceil(bottom)), int(region.x * across):int(np.ceil(right))] = False
+    return mask
+
+
+def scene_cells(mask: BoolArray, matrix: DoubleArray, scale: float, rows: int, columns: int) -> BoolArray:
+    """(rows, columns): True for cells that are the scene's whole, in both pictures.
+
+    mask: (h, w), the same in both, as burnt-in text is; matrix: (3, 3) earlier pixel -> later pixel, full resolution;
+    scale: working / full resolution. Where text was, the earlier picture cannot tell what moved.
+    """
+    seen = mask & (stabilise(mask.astype(np.uint8), at_scale(matrix, scale)) > 0)
+    share = cv2.resize(seen.astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA)
+    whole: BoolArray = share > WHOLE
+    return whole

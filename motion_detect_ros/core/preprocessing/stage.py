@@ -1,0 +1,98 @@
+"""From a camera image to the grey, denoised, working-resolution frame that every stage looks at."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from motion_detect_ros.core.config import PreprocessingConfig
+from motion_detect_ros.core.errors import FrameError
+from motion_detect_ros.core.preprocessing.alternatives.overlay_mask import OverlayFinder
+from motion_detect_ros.core.preprocessing.scene_mask import regions_mask
+from motion_detect_ros.core.regions import Region, parse_regions
+from motion_detect_ros.core.types import BoolArray, ByteArray, PreparedFrame
+
+#: Smallest side of a working-resolution image that the flow pyramid can still handle, pixels.
+MIN_SIDE_PX = 32
+
+
+class Preprocessor:
+    """Turns images into ``PreparedFrame``; remembers nothing of them unless ``find_overlay`` is on."""
+
+    def __init__(self, config: PreprocessingConfig) -> None:
+        self._config = config
+        self._regions = parse_regions(config.ignore_regions)
+        self._ignored: dict[tuple[int, int], BoolArray | None] = {}
+        self._overlay = OverlayFinder()
+
+    def reset(self) -> None:
+        """Forget the overlays found so far."""
+        self._overlay.reset()
+
+    def process(self, image: npt.NDArray[np.uint8], stamp_ns: int) -> PreparedFrame:
+        """Grey, shrunk to ``max_width_px``, denoised, with the mask of what is the scene's.
+
+        image: (H, W) grey or (H, W, 3) BGR, uint8.
+        Raises: FrameError for another shape or type, a side too small to work on, or an ignored region that is not on
+        the image.
+        """
+        height, width = _checked_size(image)
+        gray = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+        scale = min(1.0, self._config.max_width_px / width)
+        if scale < 1.0:
+            size = (round(width * scale), max(1, round(height * scale)))
+            gray = cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
+        if min(gray.shape) < MIN_SIDE_PX:
+            raise FrameError(f'image: expected at least {MIN_SIDE_PX} px a side at working resolution, '
+                             f'got {gray.shape[1]}x{gray.shape[0]}')
+        if self._config.median_kernel_px > 1:
+            gray = cv2.medianBlur(gray, self._config.median_kernel_px | 1)
+        if self._config.mean_shift_px > 0:
+            gray = mean_shift(gray, self._config.mean_shift_px, self._config.mean_shift_gray)
+        gray = _own_bytes(gray, image)
+        return PreparedFrame(gray, scale, width, height, stamp_ns, self._mask(gray, width, height, stamp_ns))
+
+    def _mask(self, gray: ByteArray, width: int, height: int, stamp_ns: int) -> BoolArray | None:
+        """(h, w), False where regions are ignored or an overlay was found; None = nowhere."""
+        if (width, height) not in self._ignored:
+            top = (Region(0, 0, width, self._config.ignore_top_px),) if self._config.ignore_top_px else ()
+            self._ignored = {(width, height): regions_mask(top + self._regions, width, height, gray.shape)}
+        ignored = self._ignored[width, height]
+        overlay = self._overlay.step(gray, stamp_ns) if self._config.find_overlay else None
+        if ignored is None or overlay is None:
+            return overlay if ignored is None else ignored
+        both: BoolArray = ignored & overlay
+        return both
+
+
+def mean_shift(gray: ByteArray, radius_px: int, band_gray: float) -> ByteArray:
+    """Every pixel at the mode of position and grey value that it climbs to: flat regions without noise, edges kept.
+
+    gray: (H, W) uint8; radius_px, band_gray: half the sides of the kernel in the image and in grey levels.
+    Source: Comaniciu and Meer 2002, on two levels of a pyramid.
+    """
+    three_channels = math.sqrt(3.0)  # the distance in grey, measured in colour
+    smooth: ByteArray = cv2.pyrMeanShiftFiltering(
+        cv2.merge([gray] * 3), radius_px, band_gray * three_channels, maxLevel=1)[..., 0]
+    return smooth
+
+
+def _checked_size(image: npt.NDArray[np.uint8]) -> tuple[int, int]:
+    """Height and width of a usable image. Raises: FrameError."""
+    if not isinstance(image, np.ndarray) or image.dtype != np.uint8:
+        got = getattr(image, 'dtype', type(image).__name__)
+        raise FrameError(f'image: expected a uint8 array, got {got}')
+    if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3):
+        raise FrameError(f'image: expected shape (H, W) or (H, W, 3), got {image.shape}')
+    if image.size == 0:
+        raise FrameError(f'image: expected at least one pixel, got shape {image.shape}')
+    return image.shape[0], image.shape[1]
+
+
+def _own_bytes(gray: npt.NDArray[np.generic], image: npt.NDArray[np.uint8]) -> ByteArray:
+    """Contiguous, and not the memory of ``image``: later frames look back, the caller may fill it anew."""
+    made = np.ascontiguousarray(gray, dtype=np.uint8)
+    return made.copy() if np.may_share_memory(made, image) else made

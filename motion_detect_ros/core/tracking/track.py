@@ -1,0 +1,173 @@
+"""One object's filter: where it is, how it moves over the ground, and how well that is known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.tracking.alternatives.appearance import Appearance
+from motion_detect_ros.core.tracking.time_to_contact import Approach
+from motion_detect_ros.core.types import DoubleArray
+
+#: Measurement noise of a box centre, share of the box's side; and process noise of the velocity, shares per second.
+CENTRE_SHARE = 0.12
+ACCELERATION_SHARE = 2.0
+MIN_CENTRE_PX = 1.0
+#: What a track keeps of its evidence from frame to frame, what a miss costs, and where evidence saturates.
+KEPT_ODDS = 0.8
+MISS_LOG_ODDS = 1.0
+MAX_LOG_ODDS = 10.0
+#: Weight of a new size against the remembered one.
+SIZE_GAIN = 0.4
+#: What a held object keeps of its velocity from frame to frame.
+RECOGNISED_VELOCITY = 0.6
+#: Memory of the measured spread of the innovations, the weight of the assumed spread, and its smallest share.
+KEPT_SPREAD, PRIOR_UPDATES, MIN_SPREAD = 0.9, 5.0, 0.25
+#: Memory of the mean velocity innovation, and what its square adds to the variance.
+KEPT_LAG, LAG_WEIGHT = 0.6, 1.25
+
+
+class Spread:
+    """How far the filter's velocity really scatters, measured on its innovations.
+
+    The filter's own covariance is as good as the noise it assumes. Two measured figures correct it: the mean normalised
+    innovation squared (Bar-Shalom et al. 2001, section 5.4), which scales it, and the mean velocity innovation, which
+    noise does not have: it is the lag behind an object that accelerates, or a flow that is off to one side.
+    """
+
+    def __init__(self) -> None:
+        self._scale = 1.0
+        self._weight = PRIOR_UPDATES
+        self._lag: DoubleArray = np.zeros(2)
+        self._lag_weight = 0.0
+
+    def add(self, innovation: DoubleArray, covariance: DoubleArray) -> None:
+        """One update of the filter. innovation: (4,); covariance: (4, 4), what the filter expected of it."""
+        normalised = float(innovation @ np.linalg.solve(covariance, innovation)) / len(innovation)
+        kept = KEPT_SPREAD * self._weight
+        self._scale = (kept * self._scale + normalised) / (kept + 1.0)
+        self._weight = kept + 1.0
+        self._lag = KEPT_LAG * self._lag + (1.0 - KEPT_LAG) * innovation[2:]
+        self._lag_weight = KEPT_LAG * self._lag_weight + 1.0 - KEPT_LAG
+
+    def variance(self, assumed: DoubleArray) -> DoubleArray:
+        """(2,) variance of the velocity where the filter says ``assumed``, (pixels/s)^2."""
+        lag = self._lag / max(self._lag_weight, 1.0 - KEPT_LAG)
+        corrected: DoubleArray = assumed * max(MIN_SPREAD, self._scale) + LAG_WEIGHT * lag ** 2
+        return corrected
+
+
+class Track:
+    """State (u, v, du/dt, dv/dt): pixels and pixels/s, velocity against the background.
+
+    Constant velocity with white acceleration: Bar-Shalom et al. 2001, section 6.3.2.
+    """
+
+    def __init__(self, number: int, seen: Candidate) -> None:
+        self.number = number
+        self.id = 0
+        self.state: DoubleArray = np.r_[seen.centre, seen.velocity_px_s]
+        noise = self._noise(seen.size)
+        self.covariance: DoubleArray = np.diag(np.r_[noise, noise, 16.0 * noise, 16.0 * noise])
+        self.size = seen.size
+        self.seen = seen
+        self.age = 1
+        self.missed = 0
+        self.hits: list[bool] = [True]
+        self.log_odds = seen.log_odds
+        self.gate_inflation_px = 0.0
+        self.approach = Approach()
+        self.approach.update(seen.growth)
+        self.appearance: Appearance | None = None
+        self.recognised_s = 0.0
+        self._log_odds_seen = seen.log_odds
+        self._spread = Spread()
+
+    @staticmethod
+    def _noise(size: DoubleArray) -> float:
+        return max(MIN_CENTRE_PX, CENTRE_SHARE * float(np.sqrt(size[0] * size[1]))) ** 2
+
+    @property
+    def velocity_variance(self) -> DoubleArray:
+        """(2,) variance of the velocity, (pixels/s)^2, corrected by what was measured."""
+        return self._spread.variance(np.diag(self.covariance)[2:])
+
+    def inside(self, width: int, height: int) -> bool:
+        """Whether the centre is on an image of ``width`` x ``height`` pixels."""
+        return bool(0.0 <= self.state[0] <= width - 1 and 0.0 <= self.state[1] <= height - 1)
+
+    def visible(self, width: int, height: int) -> tuple[DoubleArray, DoubleArray]:
+        """Centre and size of the part of the box that is on the image, (2,) each; edges at pixel borders."""
+        low = np.maximum(self.state[:2] - self.size / 2.0, 0.0)
+        high = np.minimum(self.state[:2] + self.size / 2.0, [width, height])
+        return (low + high) / 2.0, high - low
+
+    def predict(self, matrix: DoubleArray, dt_s: float) -> None:
+        """Carry state, covariance and size over ``dt_s`` seconds: ego-motion of the position, then own velocity.
+
+        matrix: (3, 3) previous pixel -> current pixel, full resolution.
+        """
+        self.approach.predict(dt_s)
+        x, y, vx, vy = self.state
+        moved = matrix @ [x, y, 1.0]
+        moved = moved[:2] / moved[2]
+        linear = matrix[:2, :2]
+        scale = float(np.sqrt(abs(np.linalg.det(linear))))
+        velocity = linear @ [vx, vy]
+        self.state = np.concatenate([moved + velocity * dt_s, velocity])
+        self.size = self.size * scale
+        step = np.eye(4)
+        step[0, 2] = step[1, 3] = dt_s
+        acceleration = ACCELERATION_SHARE * max(8.0, float(np.sqrt(self.size[0] * self.size[1])))
+        ramp = np.array([[dt_s ** 2 / 2.0, 0.0], [0.0, dt_s ** 2 / 2.0], [dt_s, 0.0], [0.0, dt_s]]) * acceleration
+        self.covariance = step @ self.covariance @ step.T + ramp @ ramp.T
+
+    def predict_without_ego_motion(self, camera_px: float, dt_s: float) -> None:
+        """The same with the camera's motion unknown: none is assumed, ``camera_px`` is its deviation along an axis."""
+        self.predict(np.eye(3), dt_s)
+        self.covariance[:2, :2] += np.eye(2) * camera_px ** 2
+        self.gate_inflation_px = float(np.hypot(self.gate_inflation_px, camera_px))
+
+    def update(self, seen: Candidate) -> None:
+        """Correct with a detection's centre and flow velocity (Kalman 1960); sizes are averaged, log odds add up."""
+        position = self._noise(self.size)
+        noise = np.diag([position, position, 36.0 * position, 36.0 * position])
+        expected = self.covariance + noise
+        innovation = np.concatenate([seen.centre, seen.velocity_px_s]) - self.state
+        self._spread.add(innovation, expected)
+        gain = np.linalg.solve(expected, self.covariance).T
+        self.state = self.state + gain @ innovation
+        self.covariance = self.covariance - gain @ self.covariance
+        self.size = self.size + SIZE_GAIN * (seen.size - self.size)
+        self.log_odds = min(MAX_LOG_ODDS, KEPT_ODDS * self.log_odds + seen.log_odds)
+        self.approach.update(seen.growth)
+        self.seen = seen
+        self.missed = 0
+        self.recognised_s = 0.0
+        self._log_odds_seen = self.log_odds
+        self.gate_inflation_px = 0.0
+
+    def coast_missed(self) -> None:
+        """Nothing was found where the object should be."""
+        self.log_odds = KEPT_ODDS * self.log_odds - MISS_LOG_ODDS
+        self.missed += 1
+
+    def coast_recognised(self, centre: DoubleArray, dt_s: float, appearance_hold_s: float) -> None:
+        """The object shows no motion but was recognised at ``centre``: log odds fade to 0 over ``appearance_hold_s``.
+
+        centre: (2,) full-resolution pixels; dt_s: since the last frame, seconds; appearance_hold_s: over 0, seconds.
+        """
+        self.recognised_s += dt_s
+        noise = MIN_CENTRE_PX ** 2
+        gain = self.covariance[:, :2] @ np.linalg.inv(self.covariance[:2, :2] + noise * np.eye(2))
+        self.state = self.state + gain @ (centre - self.state[:2])
+        self.state[2:] *= RECOGNISED_VELOCITY
+        self.covariance = self.covariance - gain @ self.covariance[:2]
+        self.log_odds = self._log_odds_seen * max(0.0, 1.0 - self.recognised_s / appearance_hold_s)
+        self.missed = 0
+        self.gate_inflation_px = 0.0
+
+    def coast_unobserved(self) -> None:
+        """Nothing could be looked for: no evidence either way, but what there is gets older."""
+        self.log_odds = KEPT_ODDS * self.log_odds
+        self.missed += 1

@@ -1,0 +1,178 @@
+"""Objects over time: ids, velocity without the camera's motion, confirmation.
+
+Positions are predicted through the ego-motion, so a constant-velocity Kalman filter sees only the object's own
+motion however the camera shakes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from motion_detect_ros.core.config import TracksConfig
+from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.detection.scoring import probability
+from motion_detect_ros.core.tracking.alternatives.appearance import APPEARANCE_MODELS
+from motion_detect_ros.core.tracking.track import Track
+from motion_detect_ros.core.types import ByteArray, DoubleArray, RecordArray, empty_detections
+
+#: Cost that forbids a pairing.
+FORBIDDEN = 1e6
+#: How fast a camera may move the picture at any time, image widths per second, one deviation.
+CAMERA_WIDTHS_PER_S = 0.25
+#: Memory of the camera's speed from frame to frame.
+KEPT_CAMERA_SPEED = 0.9
+#: Deviations of the position of a track that has gone astray within which it is looked for.
+GATE_INFLATION_DEVIATIONS = 2.0
+#: A box is that of the whole object where centre and size are so close to the track's.
+SETTLED_SHARE, SETTLED_PX, SETTLED_LOG_SIZE = 0.1, 1.0, 0.25
+
+
+class Tracker:
+    """Assigns candidates to tracks, confirms, and reports the confirmed ones."""
+
+    def __init__(self, config: TracksConfig) -> None:
+        self._config = config
+        self._tracks: list[Track] = []
+        self._started = 0
+        self._confirmed = 0
+        self._camera_px_s = 0.0
+        self._learn = APPEARANCE_MODELS.get(config.appearance) if config.appearance_hold_s > 0.0 else None
+
+    def reset(self) -> None:
+        """Forget all tracks; ids go on counting."""
+        self._tracks.clear()
+        self._camera_px_s = 0.0
+
+    def step(
+        self, candidates: list[Candidate], matrix: DoubleArray, dt_s: float, width: int, height: int,
+        gray: ByteArray | None = None,
+    ) -> RecordArray:
+        """One frame of ``width`` x ``height`` pixels: predict, assign, update.
+
+        matrix: (3, 3) previous pixel -> current pixel; dt_s: time between them, seconds; gray: (h, w) uint8, the frame
+        at working resolution, in which objects that stop are looked for. Returns the confirmed objects
+        (``DETECTION_DTYPE``), boxes cut to the image; a track whose centre has left the image is over.
+        """
+        self._predict(matrix, dt_s, width, height)
+        pairs = self._assign(candidates)
+        for index, track in enumerate(self._tracks):
+            hit = index in pairs
+            track.hits = [*track.hits, hit][-self._config.confirm_frames:]
+            if hit:
+                track.update(candidates[pairs[index]])
+                self._remember(track, gray, width)
+        for index, track in enumerate(self._tracks):
+            if index not in pairs and not self._recognise(track, gray, dt_s, width):
+                track.coast_missed()
+        taken = set(pairs.values())
+        for index, seen in enumerate(candidates):
+            if index not in taken:
+                self._started += 1
+                self._tracks.append(Track(self._started, seen))
+        self._confirm()
+        self._drop_ended(width, height)
+        return self._report(width, height)
+
+    def coast(self, matrix: DoubleArray | None, dt_s: float, width: int, height: int) -> None:
+        """A frame in which no objects could be looked for; tracks move on, and end as if they were missed.
+
+        matrix: as in ``step``, None where the camera's motion is not known.
+        """
+        if matrix is None:
+            self.coast_without_frame(dt_s, width)
+        else:
+            self._predict(matrix, dt_s, width, height)
+        for track in self._tracks:
+            track.age += matrix is None
+            track.coast_unobserved()
+            track.hits = [*track.hits, False][-self._config.confirm_frames:]
+        self._drop_ended(width, height)
+
+    def coast_without_frame(self, dt_s: float, width: int) -> None:
+        """Time passes without a frame: tracks go on at their velocity, the camera may have gone anywhere near."""
+        camera_px = max(self._camera_px_s, CAMERA_WIDTHS_PER_S * width) * dt_s
+        for track in self._tracks:
+            track.predict_without_ego_motion(camera_px, dt_s)
+
+    def _remember(self, track: Track, gray: ByteArray | None, width: int) -> None:
+        """Learn an object's looks while its box is that of the whole object."""
+        if self._learn is None or gray is None or not track.id:
+            return
+        off = np.abs(track.seen.centre - track.state[:2]) - SETTLED_SHARE * track.size
+        if (off < SETTLED_PX).all() and (np.abs(np.log(track.seen.size / track.size)) < SETTLED_LOG_SIZE).all():
+            scale = gray.shape[1] / width
+            learnt = self._learn(gray, track.state[:2] * scale, track.size * scale)
+            track.appearance = learnt or track.appearance
+
+    def _recognise(self, track: Track, gray: ByteArray | None, dt_s: float, width: int) -> bool:
+        """Whether a confirmed track without a detection was recognised by its looks."""
+        if gray is None or track.appearance is None or track.recognised_s + dt_s > self._config.appearance_hold_s:
+            return False
+        if any(other is not track and other.id and not other.missed and not other.recognised_s
+               and (np.abs(other.state[:2] - track.state[:2]) < 0.5 * other.size).all() for other in self._tracks):
+            return False  # another track has found what is there
+        scale = gray.shape[1] / width
+        found = track.appearance.find(gray, track.state[:2] * scale, track.size * scale)
+        if found is None:
+            return False
+        track.coast_recognised(found / scale, dt_s, self._config.appearance_hold_s)
+        return True
+
+    def _predict(self, matrix: DoubleArray, dt_s: float, width: int, height: int) -> None:
+        centre = np.array([width / 2.0, height / 2.0, 1.0])
+        moved = matrix @ centre
+        speed_px_s = float(np.hypot(*(moved[:2] / moved[2] - centre[:2]))) / max(dt_s, 1e-6)
+        self._camera_px_s = max(speed_px_s, KEPT_CAMERA_SPEED * self._camera_px_s)
+        for track in self._tracks:
+            track.predict(matrix, dt_s)
+            track.age += 1
+
+    def _assign(self, candidates: list[Candidate]) -> dict[int, int]:
+        """Track index -> candidate index, least total cost (Kuhn 1955), gated."""
+        if not self._tracks or not candidates:
+            return {}
+        cost = self._cost(candidates)
+        rows, columns = linear_sum_assignment(cost)
+        return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < FORBIDDEN}
+
+    def _cost(self, candidates: list[Candidate]) -> DoubleArray:
+        """(tracks, candidates) distance in units of both sizes, plus a share of how their areas differ."""
+        places = np.array([track.state[:2] for track in self._tracks])
+        sizes = np.array([track.size for track in self._tracks])
+        gate_inflation_px = np.array([track.gate_inflation_px for track in self._tracks])
+        seen_places, seen_sizes = np.array([seen.centre for seen in candidates]), np.array([s.size for s in candidates])
+        reach = 0.3 * (sizes[:, None] + seen_sizes) + 3.0 + GATE_INFLATION_DEVIATIONS * gate_inflation_px[:, None, None]
+        offset = (seen_places - places[:, None]) / reach
+        distance = np.hypot(offset[..., 0], offset[..., 1])
+        ratio = np.abs(np.log(seen_sizes.prod(axis=1) / sizes.prod(axis=1)[:, None]))
+        return np.where((distance < 1.0) & (ratio < 1.6), distance + 0.25 * ratio, FORBIDDEN)
+
+    def _confirm(self) -> None:
+        for track in self._tracks:
+            enough = sum(track.hits) >= self._config.confirm_hits and track.log_odds >= self._config.confirm_log_odds
+            if track.id == 0 and enough:
+                self._confirmed += 1
+                track.id = self._confirmed
+
+    def _drop_ended(self, width: int, height: int) -> None:
+        self._tracks = [track for track in self._tracks if self._alive(track) and track.inside(width, height)]
+
+    def _alive(self, track: Track) -> bool:
+        if track.id:
+            return track.missed <= self._config.coast_frames
+        misses = len(track.hits) - sum(track.hits)
+        return misses <= self._config.confirm_frames - self._config.confirm_hits
+
+    def _report(self, width: int, height: int) -> RecordArray:
+        shown = [track for track in self._tracks if track.id and track.log_odds >= self._config.show_log_odds]
+        records = empty_detections(len(shown))
+        for record, track in zip(records, shown, strict=True):
+            (record['u'], record['v']), (record['width'], record['height']) = track.visible(width, height)
+            record['vel_u'], record['vel_v'] = track.state[2:]
+            record['var_u'], record['var_v'] = track.velocity_variance
+            record['ttc'] = track.approach.time_to_contact_s
+            record['score'] = probability(track.log_odds)
+            record['id'], record['age'], record['area'] = track.id, track.age, track.seen.area
+            record['cluster'] = track.seen.cluster
+        return records

@@ -1,0 +1,153 @@
+"""convert: the bag holds the data set's pictures, stamps, calibration and inertial data, nothing more or less."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+
+from motion_detect_ros.__main__ import main
+from motion_detect_ros.cli.convert import convert
+from motion_detect_ros.sources.frames import FrameSource, SourceFrame
+from motion_detect_ros.sources.images import image_folder
+from motion_detect_ros.sources.truth import read_truth
+
+DRIVE = 'kitti/2011_09_26/2011_09_26_drive_0005_sync'
+P_RECT_02 = [721.5377, 0, 609.5593, 44.85728, 0, 721.5377, 172.854, 0.2163791, 0, 0, 1, 0.002745884]
+
+
+def contents(bag: Path) -> dict[str, list[tuple[int, object]]]:
+    """(log time, message) by topic, as rosbags reads them."""
+    read: dict[str, list[tuple[int, object]]] = {}
+    with AnyReader([bag]) as reader:
+        for connection, stamp, data in reader.messages():
+            read.setdefault(connection.topic, []).append((stamp, reader.deserialize(data, connection.msgtype)))
+    return read
+
+
+def header_stamp(message: object) -> int:
+    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec  # type: ignore[attr-defined]
+
+
+@pytest.fixture
+def sequence(tmp_path: Path) -> Path:
+    """Five VisDrone-like pictures of noise."""
+    folder = tmp_path / 'uav0000001_00000_v'
+    folder.mkdir()
+    for index in range(5):
+        picture = np.random.default_rng(index).integers(0, 256, (36, 64, 3), np.uint8)
+        cv2.imwrite(str(folder / f'{index + 1:07d}.jpg'), picture)
+    return folder
+
+
+def test_visdrone_raw(sequence: Path, tmp_path: Path) -> None:
+    out = tmp_path / 'out.mcap'
+    annotation = tmp_path / 'a.txt'
+    annotation.write_text('1,3,5,6,7,8,1,4,0,0\n5,3,5,6,7,8,1,4,0,0\n6,3,5,6,7,8,1,4,0,0\n')
+    assert main(['convert', 'visdrone', str(sequence), '-o', str(out), '--annotations', str(annotation)]) == 0
+    read = contents(out)
+    assert {topic: len(found) for topic, found in read.items()} == {'/image_raw': 5, '/camera_info': 5}
+    for index, (stamp, message) in enumerate(read['/image_raw']):
+        assert stamp == header_stamp(message) == index * 40_000_000  # 25 frames/s
+        expected = cv2.imread(str(sequence / f'{index + 1:07d}.jpg'))
+        assert np.array_equal(message.data.reshape(36, 64, 3), expected)
+    info = read['/camera_info'][0][1]
+    assert (info.width, info.height, list(info.k)) == (64, 36, [0] * 9)  # uncalibrated
+    assert read_truth(tmp_path / 'out.truth.csv')['frame'].tolist() == [0, 4]  # picture 6 does not exist
+
+
+def test_compressed_keeps_the_files_byte_for_byte(sequence: Path, tmp_path: Path) -> None:
+    out = tmp_path / 'out.mcap'
+    assert main(['convert', 'images', str(sequence), '-o', str(out), '--fps', '10', '--compressed']) == 0
+    read = contents(out)['/image_raw/compressed']
+    assert [bytes(message.data) for _, message in read] == [file.read_bytes() for file in sorted(sequence.iterdir())]
+    assert {message.format for _, message in read} == {'jpeg'}
+
+
+def test_video(tmp_path: Path) -> None:
+    writer = cv2.VideoWriter(str(tmp_path / 'v.mp4'), cv2.VideoWriter.fourcc(*'mp4v'), 20, (64, 48))
+    for _ in range(6):
+        writer.write(np.full((48, 64, 3), 90, np.uint8))
+    writer.release()
+    assert main(['convert', 'video', str(tmp_path / 'v.mp4'), '-o', str(tmp_path / 'o.mcap')]) == 0
+    assert [stamp for stamp, _ in contents(tmp_path / 'o.mcap')['/image_raw']] == [i * 50_000_000 for i in range(6)]
+
+
+def test_unreadable_pictures_are_left_out_and_told(
+    sequence: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    (sequence / '0000003.jpg').write_bytes(b'\xff\xd8 no more')
+    out = tmp_path / 'out.mcap'
+    assert main(['convert', 'visdrone', str(sequence), '-o', str(out)]) == 3
+    assert '4 frames, 1 unreadable frames left out' in capsys.readouterr().out
+    # The gap stays in the stamps.
+    assert [stamp // 40_000_000 for stamp, _ in contents(out)['/image_raw']] == [0, 1, 3, 4]
+
+
+class Interrupted:
+    """A source during which the user presses Ctrl-C after two frames."""
+
+    def __init__(self, source: FrameSource) -> None:
+        self._source = source
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._source, name)
+
+    def __iter__(self) -> Iterator[SourceFrame]:
+        for frame in self._source:
+            if frame.index == 2:
+                raise KeyboardInterrupt
+            yield frame
+
+
+def test_an_interrupted_run_keeps_the_old_bag_and_the_new_part(sequence: Path, tmp_path: Path) -> None:
+    out = tmp_path / 'out.mcap'
+    assert convert(image_folder(sequence, 25), out) == 5
+    before = out.read_bytes()
+    with pytest.raises(KeyboardInterrupt):
+        convert(Interrupted(image_folder(sequence, 25)), out)  # type: ignore[arg-type]
+    assert out.read_bytes() == before
+    with (tmp_path / 'out.mcap.part').open('rb') as stream:
+        assert make_reader(stream).get_summary().statistics.message_count == 4
+
+
+def test_the_real_drive(clips: Path, tmp_path: Path) -> None:
+    out = tmp_path / 'kitti.mcap'
+    labels = clips / 'kitti/label_02/0000.txt'
+    assert main(['convert', 'kitti', str(clips / DRIVE), '-o', str(out), '--annotations', str(labels)]) == 0
+    read = contents(out)
+    assert {topic: len(found) for topic, found in read.items()} == {
+        '/image_raw': 80, '/camera_info': 80, '/imu': 80, '/gps/fix': 80}
+    stamp, picture = read['/image_raw'][0]
+    assert stamp == header_stamp(picture) == 1_317_042_272_345_808_896
+    expected = cv2.imread(str(clips / DRIVE / 'image_02/data/0000000000.jpg'))
+    assert np.array_equal(picture.data.reshape(375, 1242, 3), expected)
+    info = read['/camera_info'][79][1]
+    assert (info.width, info.height, list(info.p)) == (1242, 375, P_RECT_02)
+    assert list(info.k) == [721.5377, 0, 609.5593, 0, 721.5377, 172.854, 0, 0, 1]
+    assert list(info.d) == [0] * 5
+    imu = read['/imu'][0][1]
+    assert header_stamp(imu) == 1_317_042_272_349_659_964
+    assert (imu.angular_velocity.x, imu.angular_velocity.z) == (-0.017332142869546, 0.14511808479348)
+    assert imu.linear_acceleration.z == 9.9957015129717
+    yaw = 2 * np.arctan2(imu.orientation.z, imu.orientation.w)
+    assert yaw == pytest.approx(-1.2219096732051, abs=1e-3)  # roll and pitch are under 0.03 rad
+    assert read['/gps/fix'][0][1].latitude == 49.011212804408
+    everything = [stamp for found in read.values() for stamp, _ in found]
+    with out.open('rb') as stream:
+        recorded = [message.log_time for _, _, message in make_reader(stream).iter_messages(log_time_order=False)]
+    assert recorded == sorted(everything)
+    assert read_truth(tmp_path / 'kitti.truth.csv').tolist() == read_truth(labels).tolist()
+
+
+def test_real_drive_compressed(clips: Path, tmp_path: Path) -> None:
+    out = tmp_path / 'kitti.mcap'
+    assert main(['convert', 'kitti', str(clips / DRIVE), '-o', str(out), '--compressed']) == 0
+    files = sorted((clips / DRIVE / 'image_02/data').iterdir())
+    read = contents(out)['/image_raw/compressed']
+    assert [bytes(message.data) for _, message in read] == [file.read_bytes() for file in files]

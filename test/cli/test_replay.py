@@ -1,0 +1,167 @@
+"""replay: every frame, the same bytes each time, readable by others."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+
+from motion_detect_ros.__main__ import main
+from motion_detect_ros.cli.outputs import Percentiles, csv_row
+from motion_detect_ros.cli.replay import Job, replay
+from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.pipeline import MotionPipeline
+from motion_detect_ros.core.types import DETECTION_DTYPE, Result, empty_detections
+from motion_detect_ros.sources.bags import BagWriter
+
+FRAMES = 14
+
+
+def scene(index: int) -> np.ndarray:
+    """A textured plane seen by a camera that drifts 3 px a frame, with a textured block that crosses it."""
+    ground = cv2.GaussianBlur(np.random.default_rng(1).integers(0, 256, (300, 460), np.uint8), (0, 0), 1.5)
+    ground = cv2.normalize(ground, None, 0, 255, cv2.NORM_MINMAX)
+    picture = ground[20:260, 3 * index:320 + 3 * index].copy()
+    block = cv2.normalize(cv2.GaussianBlur(np.random.default_rng(2).integers(0, 256, (50, 60), np.uint8), (0, 0), 2),
+                          None, 0, 255, cv2.NORM_MINMAX)
+    left = 30 + 6 * index
+    picture[90:140, left:left + 60] = block
+    return cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp('replay') / 'scene.mcap'
+    with BagWriter(path, compress=False) as writer:
+        for index in range(FRAMES):
+            writer.write_image(scene(index), 10**9 + index * 40_000_000)
+    return path
+
+
+@pytest.fixture(scope='module')
+def replayed(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp('out')
+    assert main(['replay', str(bag), '-o', str(out)]) == 0
+    return out
+
+
+def test_two_runs_are_byte_identical(bag: Path, replayed: Path, tmp_path: Path) -> None:
+    assert main(['replay', str(bag), '-o', str(tmp_path)]) == 0
+    first = (replayed / 'detections.csv').read_bytes()
+    assert first == (tmp_path / 'detections.csv').read_bytes()
+    assert first.count(b'\n') > 1, 'the scene must give detections, or the comparison says nothing'
+
+
+def test_csv_and_bag_hold_what_the_pipeline_finds(replayed: Path) -> None:
+    pipeline = MotionPipeline(PipelineConfig())
+    expected = [pipeline.process(scene(index), 10**9 + index * 40_000_000).detections for index in range(FRAMES)]
+    with AnyReader([replayed / 'detections.mcap']) as reader:
+        read = [(stamp, reader.deserialize(data, c.msgtype)) for c, stamp, data in reader.messages()]
+    assert [stamp for stamp, _ in read] == [10**9 + index * 40_000_000 for index in range(FRAMES)]
+    clouds = [np.frombuffer(cloud.data.tobytes(), DETECTION_DTYPE) for _, cloud in read]
+    assert [cloud.tobytes() for cloud in clouds] == [records.tobytes() for records in expected]
+    with (replayed / 'detections.csv').open() as stream:
+        rows = list(csv.DictReader(stream))
+    flat = [(index, record) for index, records in enumerate(expected) for record in records]
+    assert [(int(row['frame']), int(row['id'])) for row in rows] == [(index, record['id']) for index, record in flat]
+    for row, (_, record) in zip(rows, flat, strict=True):
+        assert float(row['x']) + float(row['w']) / 2 == pytest.approx(float(record['u']), abs=1e-4)
+        assert float(row['vel_u']) == pytest.approx(float(record['vel_u']), abs=1e-4)
+
+
+def test_summary(replayed: Path) -> None:
+    summary = json.loads((replayed / 'summary.json').read_text())
+    assert (summary['frames'], summary['bad_frames'], summary['complete']) == (FRAMES, 0, True)
+    assert summary['image_size'] == [320, 240]
+    assert summary['ego_status']['first_frame'] == 1
+    assert summary['last_stamp_ns'] - summary['first_stamp_ns'] == 13 * 40_000_000
+    assert set(summary['stage_ms']) == {'preprocessing', 'ego_motion', 'optical_flow', 'clustering', 'total'}
+    for times in summary['stage_ms'].values():
+        assert 0 <= times['p50'] <= times['p95']
+    assert 'preprocessing.max_width_px' in summary['settings']
+    with (replayed / 'detections.csv').open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert summary['detections'] == len(rows)
+    assert summary['objects'] == len({row['id'] for row in rows})
+    assert not list(replayed.glob('*.part'))
+
+
+def test_csv_row_by_hand() -> None:
+    record = empty_detections(1)
+    record[['u', 'v', 'width', 'height', 'score', 'id']] = (50.5, 20, 11, 4, 0.25, 7)
+    record['ttc'] = np.inf
+    assert csv_row(3, 99, record[0]) == (
+        '3,99,7,45.00000,18.00000,11.00000,4.00000,0.25000,0.00000,0.00000,inf')
+
+
+def test_percentiles_of_a_known_list() -> None:
+    assert Percentiles.of([float(n) for n in range(101)]) == Percentiles(50.0, 95.0)
+    assert Percentiles.of([]) == Percentiles(0.0, 0.0)
+
+
+def test_several_inputs_get_a_folder_each_and_workers_change_nothing(
+    bag: Path, replayed: Path, tmp_path: Path,
+) -> None:
+    copy = tmp_path / 'again' / 'scene.mcap'
+    copy.parent.mkdir()
+    copy.write_bytes(bag.read_bytes())
+    assert main(['replay', str(bag), str(copy), '-o', str(tmp_path / 'out'), '--workers', '2']) == 0
+    expected = (replayed / 'detections.csv').read_bytes()
+    for name in ('scene', 'scene-2'):
+        assert (tmp_path / 'out' / name / 'detections.csv').read_bytes() == expected
+
+
+def test_one_bad_input_among_several_is_partial(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(['replay', str(tmp_path / 'no.mcap'), str(bag), '-o', str(tmp_path / 'out')]) == 3
+    assert (tmp_path / 'out' / 'scene' / 'detections.csv').is_file()
+    assert capsys.readouterr().err == f'error: {tmp_path}/no.mcap: no such file or folder\n'
+
+
+@pytest.mark.parametrize(('option', 'message'), [
+    (['--workers', '2'], 'error: --live: expected no --workers, as one graph plays one bag at a time, got 2\n'),
+    (['--fps', '30'], 'error: --live: expected no --fps, as a bag has stamps of its own, got 30\n'),
+])
+def test_options_that_say_nothing_to_nodes_are_refused(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], option: list[str], message: str,
+) -> None:
+    assert main(['replay', str(bag), '-o', str(tmp_path / 'out'), '--live', *option]) == 2
+    assert capsys.readouterr().err == message
+    assert not (tmp_path / 'out').exists()
+
+
+def test_a_cut_bag_is_partial_and_its_frames_are_kept(bag: Path, tmp_path: Path) -> None:
+    cut = tmp_path / 'cut.mcap'
+    content = bag.read_bytes()
+    cut.write_bytes(content[:int(0.8 * len(content))])
+    assert main(['replay', str(cut), '-o', str(tmp_path / 'out')]) == 3
+    summary = json.loads((tmp_path / 'out' / 'summary.json').read_text())
+    assert 'the end is missing' in summary['damaged']
+    assert 0 < summary['frames'] < FRAMES
+
+
+def test_an_interrupted_run_keeps_what_it_wrote(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    process = MotionPipeline.process
+
+    def interrupted(self: MotionPipeline, image: np.ndarray, stamp_ns: int) -> Result:
+        if stamp_ns == 10**9 + 10 * 40_000_000:
+            raise KeyboardInterrupt
+        return process(self, image, stamp_ns)
+
+    monkeypatch.setattr(MotionPipeline, 'process', interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        replay(Job(str(bag), tmp_path, PipelineConfig()))
+    summary = json.loads((tmp_path / 'summary.json').read_text())
+    assert (summary['complete'], summary['frames']) == (False, 10)
+    assert (tmp_path / 'detections.csv.part').read_text().startswith('frame,stamp_ns,id')
+    with (tmp_path / 'detections.mcap.part').open('rb') as stream:
+        assert sum(1 for _ in make_reader(stream).iter_messages()) == 10

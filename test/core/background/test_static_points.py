@@ -1,0 +1,162 @@
+"""Three-dimensional backgrounds on a street with exact flow: static things are still, each kind of mover is seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from street import CAMERA, box_cells, flow, motion, pixels, street_depth
+
+from motion_detect_ros.core.background.alternatives.plane_parallax import fit_parallax_background, fit_plane_parallax
+from motion_detect_ros.core.background.planar import fit_background
+from motion_detect_ros.core.background.selection import BackgroundSelector
+from motion_detect_ros.core.background.static_points import fit_static_scene
+from motion_detect_ros.core.config import BackgroundConfig
+from motion_detect_ros.core.types import CameraModel
+
+CONFIG = BackgroundConfig()
+#: A box 12 m away, foot on the ground (1.5 m below the camera at 12 m: row 169.5 + 500 * 0.125 = 232 px = cell 58).
+BOX, DISTANCE = box_cells(70, 36, 84, 58), 12.0
+OWN = {'crosses': (0.4, 0.0, 0.0), 'drives ahead': (0.0, 0.0, 0.8), 'rises': (0.0, -0.3, 0.0)}
+
+
+def _street(own: tuple[float, float, float] | None, noise_px: float = 0.1) -> np.ndarray:
+    """Flow with a box that moves by ``own`` metres in the earlier camera's axes; None = it stands."""
+    depth = np.where(BOX, DISTANCE, street_depth())
+    moved = np.zeros((*BOX.shape, 3))
+    moved[BOX] = own or (0.0, 0.0, 0.0)
+    field = flow(depth, *motion((0.0, 0.01, 0.0), (0.05, 0.0, 1.0)), moved)
+    return field + np.random.default_rng(0).normal(0.0, noise_px, field.shape).astype(np.float32)
+
+
+def _sigmas(field: np.ndarray, background) -> np.ndarray:
+    own = field - background.flow
+    return np.hypot(own[..., 0], own[..., 1]) / background.sigma_px
+
+
+def _epipolar(field: np.ndarray):
+    return fit_static_scene(field, field, CAMERA, CONFIG).background
+
+
+def _plane_parallax(field: np.ndarray):
+    return fit_parallax_background(field, field, CAMERA.width, CAMERA.height, CONFIG)
+
+
+@pytest.mark.parametrize('fit', [_epipolar, _plane_parallax])
+def test_static_box_and_street_are_still(fit):
+    field = _street(None)
+    sigmas = _sigmas(field, fit(field))
+    assert np.quantile(sigmas, 0.99) < 3.0
+    assert np.median(sigmas[BOX]) < 1.0
+
+
+@pytest.mark.parametrize('own', OWN.values(), ids=OWN.keys())
+def test_mover_stands_out_of_the_calibrated_background(own: tuple[float, float, float]):
+    field = _street(own)
+    sigmas = _sigmas(field, _epipolar(field))
+    foot = BOX & (np.arange(BOX.shape[0])[:, None] >= 52)
+    assert np.median(sigmas[foot]) > 4.0
+    assert np.quantile(sigmas[~BOX], 0.99) < 3.0
+
+
+@pytest.mark.parametrize('own', [OWN['crosses'], OWN['rises']])
+def test_mover_off_its_line_stands_out_without_calibration(own: tuple[float, float, float]):
+    field = _street(own)
+    sigmas = _sigmas(field, _plane_parallax(field))
+    assert np.median(sigmas[BOX]) > 4.0
+    assert np.quantile(sigmas[~BOX], 0.98) < 3.0
+
+
+def test_planar_background_takes_the_street_for_moving():
+    """What the other models are for: the smooth surface fails on most of this street."""
+    field = _street(None)
+    assert (_sigmas(field, fit_background(field, CONFIG, np.zeros(BOX.shape, np.float32))) > 2.0).mean() > 0.2
+
+
+def test_own_motion_of_a_crossing_box_is_its_flow_off_the_epipolar_line():
+    """A box that moves sideways by 0.4 m at 12 m moves 500 * 0.4 / (12 + 1) = 15.4 px (depth in the earlier frame)."""
+    field = _street(OWN['crosses'], noise_px=0.0)
+    own = np.median((field - _epipolar(field).flow)[BOX], axis=0)
+    assert np.hypot(*own) == pytest.approx(15.4, rel=0.15)
+
+
+def test_epipole_without_calibration_is_the_direction_of_travel():
+    """Travel (0.05, 0, 1) seen after a turn of 0.01 rad: the epipole is at the turned direction's pixel."""
+    rotation, translation = motion((0.0, 0.01, 0.0), (0.05, 0.0, 1.0))
+    field = flow(street_depth(), rotation, translation)
+    now = pixels().reshape(-1, 2)
+    model = fit_plane_parallax(now - field.reshape(-1, 2), now, CAMERA.width)
+    expected = CAMERA.fx * translation[:2] / translation[2] + [CAMERA.cx, CAMERA.cy]
+    assert np.allclose(model.epipole[:2] / model.epipole[2], expected, atol=2.0)
+
+
+def test_wrong_focal_length_still_works():
+    field = _street(OWN['drives ahead'])
+    guess = CameraModel.guessed(CAMERA.width, CAMERA.height, 1.1)
+    scene = fit_static_scene(field, field, guess, CONFIG)
+    sigmas = _sigmas(field, scene.background)
+    assert np.median(sigmas[BOX & (np.arange(BOX.shape[0])[:, None] >= 52)]) > 3.0
+
+
+def test_nothing_known_gives_no_scene():
+    field = np.full((*BOX.shape, 2), np.nan, np.float32)
+    assert fit_static_scene(field, field, CAMERA, CONFIG) is None
+    assert fit_parallax_background(field, field, CAMERA.width, CAMERA.height, CONFIG) is None
+
+
+class TestChoice:
+    """Planar or in space, by evidence."""
+
+    @staticmethod
+    def _plane(turn: float = 0.01) -> np.ndarray:
+        field = flow(np.full(BOX.shape, 30.0), *motion((0.0, turn, 0.0), (0.5, 0.2, 0.3)))
+        return field + np.random.default_rng(1).normal(0.0, 0.1, field.shape).astype(np.float32)
+
+    def test_plane_stays_planar_with_a_mover_on_it(self):
+        model, field = BackgroundSelector(CONFIG), self._plane()
+        field[BOX] += 5.0
+        for _ in range(5):
+            background = model.fit(field, field, CAMERA)
+        assert not model.three_dimensional
+        assert np.median(_sigmas(field, background)[BOX]) > 5.0
+
+    def test_street_is_in_space(self):
+        model, field = BackgroundSelector(CONFIG), _street(OWN['drives ahead'])
+        model.fit(field, field, CAMERA)
+        assert model.three_dimensional
+
+    def test_one_odd_frame_does_not_switch(self):
+        model, plane, street = BackgroundSelector(CONFIG), self._plane(), _street(None)
+        for _ in range(5):
+            model.fit(plane, plane, CAMERA)
+        model.fit(street, street, CAMERA)
+        assert not model.three_dimensional
+        for _ in range(8):
+            model.fit(street, street, CAMERA)
+        assert model.three_dimensional
+        model.fit(plane, plane, CAMERA)
+        assert model.three_dimensional
+
+    def test_turning_camera_without_travel_is_planar(self):
+        """Pure rotation: no parallax, nothing to gain from depth."""
+        model = BackgroundSelector(CONFIG)
+        field = flow(street_depth(), *motion((0.0, 0.02, 0.0), (0.0, 0.0, 0.0)))
+        for _ in range(3):
+            model.fit(field, field, CAMERA)
+        assert not model.three_dimensional
+
+    @pytest.mark.parametrize('name', ['planar', 'epipolar', 'plane_parallax'])
+    def test_choice_can_be_fixed(self, name: str):
+        field, config = _street(None), BackgroundConfig(model=name, noise_share=0.04)
+        still = (_sigmas(field, BackgroundSelector(config).fit(field, field, CAMERA)) < 3.0).mean()
+        assert (still > 0.98) == (name != 'planar')
+
+
+def test_background_behind_an_object_comes_from_around_it():
+    """A box that crosses hides the wall; what is filled in is closer to the wall's flow than to the box's."""
+    field = _street(OWN['crosses'], noise_px=0.0)
+    background = fit_static_scene(field, field, CAMERA, CONFIG).background
+    wall = flow(street_depth(), *motion((0.0, 0.01, 0.0), (0.05, 0.0, 1.0)))
+    behind = background.behind(BOX)
+    assert np.array_equal(behind.flow[~box_cells(66, 32, 88, 62)], background.flow[~box_cells(66, 32, 88, 62)])
+    error = np.hypot(*np.moveaxis(behind.flow - wall, -1, 0))[BOX]
+    assert np.median(error) < 0.25 * np.median(np.hypot(*np.moveaxis(field - wall, -1, 0))[BOX])

@@ -1,0 +1,49 @@
+"""From flow to candidates: fragments, and how well the flow around an object is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from motion_detect_ros.core.background.planar import Background
+from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.detection.detector import without_fragments
+from motion_detect_ros.core.detection.motion_field import MotionField
+
+
+def candidate(x: float, y: float, width: float, height: float, vx: float = 50.0, vy: float = 0.0) -> Candidate:
+    return Candidate(np.array([x, y]), np.array([width, height]), np.array([vx, vy]), width * height, 1.0, 0)
+
+
+CAR = candidate(100.0, 100.0, 80.0, 40.0)
+
+
+@pytest.mark.parametrize(('other', 'kept'), [
+    (candidate(150.0, 110.0, 18.0, 10.0), False),  # a shadow behind the car
+    (candidate(150.0, 110.0, 18.0, 10.0, vx=15.0), True),  # a person who walks beside it
+    (candidate(150.0, 110.0, 18.0, 10.0, vx=-50.0), True),
+    (candidate(170.0, 110.0, 18.0, 10.0), True),  # 21 px away from it
+    (candidate(160.0, 100.0, 40.0, 30.0), True),  # another car: 1200 of 3200 square pixels
+])
+def test_fragments_move_with_a_larger_object_beside_them(other, kept):
+    for both in ([CAR, other], [other, CAR]):
+        found = without_fragments(both)
+        assert any(one is CAR for one in found)
+        assert any(one is other for one in found) is kept
+
+
+def test_alone_nothing_is_a_fragment():
+    assert without_fragments([]) == []
+    assert without_fragments([CAR]) == [CAR]
+
+
+def test_known_share_around_a_window():
+    residual = np.zeros((20, 30, 2), np.float32)
+    residual[:, :10] = np.nan
+    still = Background(np.zeros_like(residual), np.ones((20, 30), np.float32), True)
+    field = MotionField(residual, still, 0.04, 1.0)
+    # 12 x 12 cells about the window less its own 16: columns 6 to 17, of which 6 to 9 are not known
+    assert field.known_around(slice(8, 12), slice(10, 14)) == pytest.approx((12 * 8 - 16) / (144 - 16))
+    # cut at the picture's edge: rows 0 to 7, columns 22 to 29, all known
+    assert field.known_around(slice(0, 4), slice(26, 30)) == 1.0
+    assert field.known_around(slice(0, 20), slice(0, 30)) == 0.0

@@ -1,0 +1,168 @@
+"""Evidence, patches and motion of a region against the same in NumPy and OpenCV, written here."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from motion_detect_ros.core.background.planar import Background
+from motion_detect_ros.core.config import ObjectsConfig
+from motion_detect_ros.core.detection.motion_field import MotionField
+from motion_detect_ros.core.detection.objects import ObjectFinder
+from motion_detect_ros.core.detection.patches import Patch
+from motion_detect_ros.core.detection.photometric import ImagePair, PhotometricTest, image_noise, photometric_test
+from motion_detect_ros.core.detection.segments import Segment
+from motion_detect_ros.core.geometry.boxes import Box
+
+HEIGHT, WIDTH, ROWS, COLUMNS = 90, 130, 23, 33
+MATRIX = np.array([[1.01, -0.02, 3.3], [0.02, 1.01, -2.6], [2e-5, -1e-5, 1.0]])
+MOTION = np.float32([5.3, -2.7])
+BOXES = [Box(0, 0, WIDTH, HEIGHT), Box(20, 11, 90, 63), Box(100, 60, WIDTH, HEIGHT), Box(5, 7, 6, 8), Box(0, 3, 1, 40)]
+
+
+def smooth_noise(seed: int) -> np.ndarray:
+    noise = cv2.GaussianBlur(np.random.default_rng(seed).normal(0.0, 1.0, (HEIGHT, WIDTH)), (0, 0), 1.5)
+    return np.clip(128.0 + 60.0 * noise / noise.std(), 0, 255).astype(np.uint8)
+
+
+@pytest.fixture
+def pair() -> ImagePair:
+    """An earlier picture, and the current one in which half of it moved with the camera, half by MOTION more."""
+    earlier = smooth_noise(1)
+    further = np.array([[1.0, 0.0, MOTION[0]], [0.0, 1.0, MOTION[1]], [0.0, 0.0, 1.0]])
+    current = cv2.warpPerspective(earlier, MATRIX, (WIDTH, HEIGHT), borderMode=cv2.BORDER_REPLICATE)
+    moved = cv2.warpPerspective(earlier, further @ MATRIX, (WIDTH, HEIGHT), borderMode=cv2.BORDER_REPLICATE)
+    current[20:70, 30:100] = moved[20:70, 30:100]
+    mask = np.ones((HEIGHT, WIDTH), bool)
+    mask[:30, :50] = False
+    return ImagePair(current, earlier, MATRIX, mask)
+
+
+def bilinear(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    x, y = np.clip(x, 0, image.shape[1] - 1), np.clip(y, 0, image.shape[0] - 1)
+    left, top = np.minimum(x.astype(int), image.shape[1] - 2), np.minimum(y.astype(int), image.shape[0] - 2)
+    u, v = x - left, y - top
+    return ((1 - v) * ((1 - u) * image[top, left] + u * image[top, left + 1])
+            + v * ((1 - u) * image[top + 1, left] + u * image[top + 1, left + 1]))
+
+
+def errors(pair: ImagePair, x: np.ndarray, y: np.ndarray, motion: np.ndarray) -> np.ndarray:
+    """Current less earlier grey value, both rounded, of points that moved by ``motion`` on top of the camera's."""
+    points = np.stack([x - motion[..., 0], y - motion[..., 1], np.ones_like(x)])
+    before = np.tensordot(np.linalg.inv(pair.matrix), points, 1)
+    return np.rint(bilinear(pair.current, x, y)) - np.rint(bilinear(pair.reference, *(before[:2] / before[2])))
+
+
+def pixels(box: Box) -> tuple[np.ndarray, np.ndarray]:
+    y, x = np.mgrid[box.top:box.bottom, box.left:box.right].astype(float)
+    return x, y
+
+
+def field(random: np.random.Generator, unknown_share: float = 0.3) -> MotionField:
+    residual, flow = random.normal(0.0, 4.0, (2, ROWS, COLUMNS, 2)).astype(np.float32)
+    residual[random.random((ROWS, COLUMNS)) < unknown_share] = np.nan
+    sigma = random.uniform(0.2, 2.0, (ROWS, COLUMNS)).astype(np.float32)
+    return MotionField(residual, Background(flow, sigma), 0.08, 0.6)
+
+
+@pytest.mark.parametrize('box', BOXES)
+@pytest.mark.parametrize(('uniform', 'noise'), [(True, 3.0), (False, 3.0), (False, 9.0)])
+def test_support_is_that_of_the_formula(pair: ImagePair, box: Box, uniform: bool, noise: float) -> None:
+    x, y = pixels(box)
+    still = np.zeros(2) if uniform else np.stack([0.01 * (x - 50.0), 0.02 * (y - 40.0)], axis=-1)
+    threshold = 3.0
+    squares = [cv2.blur(errors(pair, x, y, motion) ** 2, (3, 3)) for motion in (still, MOTION.astype(float))]
+    gain = (squares[0] - squares[1]) / noise ** 2
+    changed = cv2.dilate((squares[0] > (noise * threshold) ** 2).astype(np.uint8), np.ones((5, 5), np.uint8))
+    from_x, from_y = (np.rint(each).astype(int) for each in np.moveaxis(
+        np.stack([x - box.left, y - box.top], axis=-1) - (MOTION - still), -1, 0))
+    inside = (from_x >= 0) & (from_x < box.width) & (from_y >= 0) & (from_y < box.height)
+    came = inside & (changed[np.where(inside, from_y, 0), np.where(inside, from_x, 0)] > 0)
+    mask = (gain > threshold ** 2) & came & pair.mask[box.top:box.bottom, box.left:box.right]
+
+    found = photometric_test(pair, box, still.astype(np.float32), MOTION, noise, threshold)
+    assert found.mask.shape == (box.height, box.width) and found.gain.dtype == np.float32
+    assert (np.abs(found.gain - gain) > 0.05).mean() < 0.03  # grey values that lie half-way are rounded up or down
+    assert np.count_nonzero(found.mask != mask) <= 0.002 * mask.size
+    assert box.area < 2000 or np.count_nonzero(mask) > 200
+
+
+def test_image_noise_is_the_median_error(pair: ImagePair) -> None:
+    x, y = np.meshgrid(np.arange(2.3, WIDTH, 4.0), np.arange(1.6, HEIGHT, 4.0))
+    still = np.stack([0.4 + 0.0 * x, 0.01 * y], axis=-1)
+    expected = 1.4826 * np.median(np.abs(errors(pair, x, y, still)))
+    assert expected > 3.0
+    points = np.stack([x, y], axis=-1).astype(np.float32)
+    assert image_noise(pair, points, still.astype(np.float32)) == pytest.approx(expected)
+
+
+def test_pictures_that_cannot_be_written_to_are_taken_too(pair: ImagePair) -> None:
+    expected = photometric_test(pair, BOXES[1], np.zeros(2, np.float32), MOTION, 3.0, 3.0)
+    for picture in (pair.current, pair.reference):
+        picture.flags.writeable = False
+    found = photometric_test(
+        ImagePair(pair.current, pair.reference, pair.matrix, pair.mask), BOXES[1], np.zeros(2, np.float32),
+                    MOTION, 3.0, 3.0)
+    np.testing.assert_array_equal(found.mask, expected.mask)
+
+
+@pytest.mark.parametrize('unknown', [0.0, 0.3, 1.0])
+def test_motion_in_a_window_is_that_of_numpy(unknown: float) -> None:
+    random = np.random.default_rng(5)
+    grid = field(random, unknown)
+    for top, bottom, left, right in [(0, ROWS, 0, COLUMNS), (3, 9, 4, 21), (7, 8, 30, 33), (22, 23, 0, 1)]:
+        window = np.s_[top:bottom, left:right]
+        motion, sigmas, known = grid.own_motion(*window)
+        own = (grid.residual - grid.background.flow)[window].reshape(-1, 2)
+        own = own[np.isfinite(own[:, 0])]
+        assert known == pytest.approx(len(own) / ((bottom - top) * (right - left)))
+        if not len(own):
+            assert (motion.tolist(), sigmas) == ([0.0, 0.0], 0.0)
+            continue
+        length = np.hypot(*own.T)
+        expected = np.median(own[length >= np.median(length)], axis=0)
+        np.testing.assert_allclose(motion, expected, rtol=1e-5)
+        noise = np.median(grid.background.sigma_px[window])
+        assert sigmas == pytest.approx(float(np.hypot(*expected) / noise), rel=1e-5)
+
+
+def test_background_of_a_region_is_that_of_opencv() -> None:
+    grid = field(np.random.default_rng(6))
+    cells = np.stack(np.meshgrid((np.arange(WIDTH) + 0.5) * COLUMNS / WIDTH - 0.5,
+                                 (np.arange(HEIGHT) + 0.5) * ROWS / HEIGHT - 0.5), axis=-1)
+    x, y = cells[..., 0], cells[..., 1]
+    expected = 0.6 * np.stack([bilinear(grid.background.flow[..., axis], x, y) for axis in (0, 1)], axis=-1)
+    for box in BOXES:
+        np.testing.assert_allclose(grid.still(box, WIDTH, HEIGHT), expected[box.top:box.bottom, box.left:box.right],
+                                   atol=1e-4)
+
+
+def test_motion_of_a_segment_is_the_median_of_its_cells() -> None:
+    grid = field(np.random.default_rng(7))
+    rows, columns = np.nonzero(np.isfinite(grid.residual[..., 0]))
+    for count in (1, 2, 9, 200):
+        segment = Segment(rows[:count], columns[:count], 1, Box(0, 0, COLUMNS, ROWS))
+        expected = 0.6 * np.median(grid.residual[rows[:count], columns[:count]], axis=0)
+        np.testing.assert_allclose(grid.motion_of(segment), expected, rtol=1e-5)
+
+
+def test_patches_are_the_strong_pixels_of_what_touches_the_segment() -> None:
+    random, config = np.random.default_rng(8), ObjectsConfig()
+    mask = cv2.GaussianBlur(random.normal(0.0, 1.0, (120, 160)), (0, 0), 3.0) > 0.06
+    gain = random.exponential(20.0, mask.shape).astype(np.float32)
+    inside = np.zeros(mask.shape, bool)
+    inside[40:, 30:90] = True
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (config.closing_px, config.closing_px))
+    _, labels = cv2.connectedComponents(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, kernel))
+    expected, refused = [], 0
+    for number in range(1, labels.max() + 1):
+        pixels = mask & (labels == number)
+        strong = pixels & (gain > config.peak_share * np.percentile(gain[pixels], 90.0))
+        if not (pixels & inside).any() or pixels.sum() < 8 or strong.sum() < 8:
+            refused += 1
+            continue
+        y, x = np.nonzero(strong)
+        expected.append(Patch(Box(x.min(), y.min(), x.max() + 1, y.max() + 1), len(x)))
+    assert len(expected) >= 3 and refused >= 2
+    assert ObjectFinder(config)._patches_of(PhotometricTest(mask, gain), inside) == expected

@@ -1,0 +1,91 @@
+"""Ego-motion against exact warps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from warps import (
+    DRAWS,
+    HEIGHT,
+    PERIOD_NS,
+    WIDTH,
+    about_centre,
+    corner_error,
+    estimate,
+    view,
+    with_a_mover,
+    world,
+)
+
+from motion_detect_ros.core.config import EgoMotionConfig, PipelineConfig
+from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
+from motion_detect_ros.core.preprocessing.stage import Preprocessor
+from motion_detect_ros.core.types import EgoStatus
+
+
+@pytest.mark.parametrize('kind', DRAWS)
+def test_known_warps_with_a_fifth_of_the_picture_moving_otherwise(kind):
+    errors = []
+    for seed in range(12):
+        previous, current, matrix = with_a_mover(kind, seed)
+        ego = estimate(previous, current)
+        assert ego.status == EgoStatus.OK
+        errors.append(corner_error(ego.matrix, matrix))
+    assert np.median(errors) <= 0.1, errors
+
+
+def test_covariance_grows_with_the_noise_of_the_picture():
+    texture, matrix = world(3), about_centre(1, 1.01, 3, -2)
+    random = np.random.default_rng(0)
+    covariances = []
+    for sigma in (0.0, 20.0):
+        pair = [np.clip(view(texture, m) + random.normal(0, sigma, (HEIGHT, WIDTH)), 0, 255).astype(np.uint8)
+                for m in (np.eye(3), matrix)]
+        covariances.append(np.trace(estimate(*pair).covariance[::3, ::3]))
+    assert covariances[1] > 4 * covariances[0]
+
+
+@pytest.mark.parametrize('picture', [np.zeros((HEIGHT, WIDTH), np.uint8), np.full((HEIGHT, WIDTH), 200, np.uint8)])
+def test_nothing_to_see_is_said_and_not_guessed(picture):
+    ego = estimate(picture, picture)
+    assert ego.status == EgoStatus.LOW_TEXTURE
+    np.testing.assert_array_equal(ego.matrix, np.eye(3))
+    assert np.isnan(ego.covariance).all()
+
+
+def test_first_frame_gap_backward_jump_and_new_size_are_labelled():
+    config = PipelineConfig()
+    stage, prepare = EgoMotionStage(config), Preprocessor(config.preprocessing)
+    picture = view(world(1), np.eye(3))
+    second = 1_000_000_000
+    stamps = [(picture, 10 * second, EgoStatus.FIRST_FRAME), (picture, 10 * second + PERIOD_NS, EgoStatus.OK),
+              (picture, 15 * second, EgoStatus.TIME_JUMP), (picture, 9 * second, EgoStatus.TIME_JUMP),
+              (picture[:400], 9 * second + PERIOD_NS, EgoStatus.SIZE_CHANGE),
+              (picture[:400], 9 * second + 2 * PERIOD_NS, EgoStatus.OK)]
+    for image, stamp, expected in stamps:
+        ego = stage.process(prepare.process(image, stamp))
+        assert (ego.status, ego.stamp_ns) == (expected, stamp)
+        if not ego.ok:
+            np.testing.assert_array_equal(ego.matrix, np.eye(3))
+
+
+def test_reset_makes_the_next_frame_the_first():
+    stage, prepare = EgoMotionStage(PipelineConfig()), Preprocessor(PipelineConfig().preprocessing)
+    frame = prepare.process(view(world(1), np.eye(3)), PERIOD_NS)
+    stage.process(frame)
+    stage.reset()
+    assert stage.process(frame).status == EgoStatus.FIRST_FRAME
+
+
+def test_shrinking_the_picture_keeps_full_resolution_units():
+    matrix = about_centre(2, 1.02, 9, -6)
+    config = PipelineConfig(preprocessing=type(PipelineConfig().preprocessing)(max_width_px=320))
+    ego = estimate(view(world(5), np.eye(3)), view(world(5), matrix), config)
+    assert corner_error(ego.matrix, matrix) < 0.3
+
+
+def test_smoothing_off_gives_the_raw_fit():
+    matrix = about_centre(1, 1.0, 4, 4)
+    config = PipelineConfig(ego_motion=EgoMotionConfig(smoothing='none'))
+    ego = estimate(view(world(6), np.eye(3)), view(world(6), matrix), config)
+    assert corner_error(ego.matrix, matrix) < 0.1

@@ -1,0 +1,160 @@
+"""Warps, chains of motions, corners, background, segments, boxes: small geometry by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from motion_detect_ros.core.background.planar import fit_background
+from motion_detect_ros.core.config import BackgroundConfig
+from motion_detect_ros.core.detection.patches import Patch, connected_pixels, joined_patches
+from motion_detect_ros.core.detection.segments import connected_segments
+from motion_detect_ros.core.geometry.bearings import bearings
+from motion_detect_ros.core.geometry.boxes import Box
+from motion_detect_ros.core.geometry.motion_chain import MAX_LINKS, MotionChain
+from motion_detect_ros.core.geometry.warp import apply, at_scale, grid_points
+from motion_detect_ros.core.types import CameraModel, EgoMotion, EgoStatus, empty_detections
+
+SECOND = 1_000_000_000
+
+
+def shift(dx: float, dy: float) -> np.ndarray:
+    return np.array([[1, 0, dx], [0, 1, dy], [0, 0, 1]], float)
+
+
+def ego(previous_s: float, now_s: float, matrix: np.ndarray, status: EgoStatus = EgoStatus.OK) -> EgoMotion:
+    return EgoMotion(matrix, np.eye(6), status, round(now_s * SECOND), round(previous_s * SECOND))
+
+
+class TestWarp:
+    def test_half_resolution(self):
+        # full: x -> x + 10. Pixel 3.5 (between 3 and 4) of the full image is pixel 1.5 of the half; 13.5 is 6.5.
+        half = at_scale(shift(10, 4), 0.5)
+        np.testing.assert_allclose(half @ [1.5, 1.5, 1], [6.5, 3.5, 1])
+
+    def test_perspective_division(self):
+        matrix = np.array([[1, 0, 0], [0, 1, 0], [0.01, 0, 1]])
+        # (100, 50): divided by 1 + 1 = 2
+        np.testing.assert_allclose(apply(matrix, np.float32([[100, 50]])), [[50, 25]])
+
+    def test_grid_points_are_centres_of_cells(self):
+        # 8 pixels in 2 cells: pixels 0..3 and 4..7, centres 1.5 and 5.5
+        np.testing.assert_allclose(grid_points(1, 2, 8, 4)[0], [[1.5, 1.5], [5.5, 1.5]])
+
+
+class TestEgoChain:
+    def test_composes_backwards(self):
+        chain = MotionChain()
+        chain.append(ego(0, 1, shift(5, 0)))
+        chain.append(ego(1, 2, np.diag([2.0, 2.0, 1.0])))
+        back = chain.look_back(2.0)
+        # (1, 1) two frames ago: + (5, 0) = (6, 1), doubled = (12, 2)
+        assert back.stamp_ns == 0 and back.frames == 2
+        np.testing.assert_allclose(back.matrix @ [1, 1, 1], [12, 2, 1])
+
+    @pytest.mark.parametrize(('seconds', 'frames'), [(0.01, 1), (0.2, 2), (0.26, 3), (9.0, 4)])
+    def test_nearest_in_time(self, seconds, frames):
+        chain = MotionChain()
+        for index in range(4):
+            chain.append(ego(index / 10, (index + 1) / 10, np.eye(3)))
+        assert chain.look_back(seconds).frames == frames
+
+    def test_broken_by_a_missing_or_failed_link(self):
+        chain = MotionChain()
+        chain.append(ego(0, 1, shift(1, 0)))
+        chain.append(ego(2, 3, shift(1, 0)))
+        assert [back.frames for back in chain.look_backs()] == [1]
+        chain.append(ego(3, 4, np.eye(3), EgoStatus.LOW_TEXTURE))
+        assert chain.look_back(1.0) is None
+
+    def test_bounded(self):
+        chain = MotionChain()
+        for index in range(3 * MAX_LINKS):
+            chain.append(ego(index, index + 1, np.eye(3)))
+        assert len(chain.look_backs()) == MAX_LINKS
+
+
+class TestBackground:
+    def test_quadratic_field_under_outliers(self):
+        random = np.random.default_rng(1)
+        y, x = np.mgrid[0:60, 0:100].astype(np.float32)
+        true = np.stack([0.5 + 0.01 * x - 2e-4 * x * y, 1e-4 * x * x - 0.02 * y], axis=-1)
+        noisy = true + random.normal(0, 0.5, true.shape).astype(np.float32)
+        noisy[:30, :60] += 9.0  # 30 %
+        noisy[40, 40] = np.nan
+        found = fit_background(noisy, BackgroundConfig(noise_floor_px=0.01, noise_share=0.0), np.zeros((60, 100)))
+        assert np.abs(found.flow - true).max() < 0.15
+        assert found.sigma_px[0, 0] == pytest.approx(0.5, rel=0.35)  # the median counts the outliers in: 0.62
+
+    def test_nothing_known_means_infinitely_noisy(self):
+        found = fit_background(np.full((10, 10, 2), np.nan, np.float32), BackgroundConfig(), np.zeros((10, 10)))
+        assert np.isinf(found.sigma_px).all() and not found.flow.any()
+
+    def test_share_of_the_camera_flow_is_added(self):
+        flat, far = np.zeros((10, 10, 2), np.float32), np.full((10, 10), 50.0, np.float32)
+        found = fit_background(flat, BackgroundConfig(noise_floor_px=0.3, noise_share=0.02), far)
+        np.testing.assert_allclose(found.sigma_px, 0.3 + 1.0)
+
+
+class TestSegments:
+    def test_same_components_as_scipy(self):
+        random = np.random.default_rng(3)
+        labels = (random.random((40, 60)) < 0.45).astype(np.int32)
+        segments = connected_segments(labels, np.float32([[0, 0], [9, 0]]), 0.5)
+        expected, count = ndimage.label(labels, structure=np.ones((3, 3)))
+        assert len(segments) == count
+        for segment in segments:
+            r, c = np.nonzero(expected == expected[segment.rows[0], segment.columns[0]])
+            assert (segment.rows.tolist(), segment.columns.tolist()) == (r.tolist(), c.tolist())
+            assert segment.box == Box(c.min(), r.min(), c.max() + 1, r.max() + 1)
+
+    def test_the_neuron_of_a_segment_is_the_one_with_most_cells(self):
+        labels = np.zeros((6, 9), np.int32)
+        labels[0, :5], labels[1, :3] = 1, 3
+        labels[4, :2], labels[5, 1:3] = 3, 2
+        alike = np.float32([[0, 0], [9, 0], [9, 1], [9, 2]])
+        assert [segment.neuron for segment in connected_segments(labels, alike, 0.5)] == [1, 2]
+
+    def test_touching_motions_join_only_where_they_match(self):
+        labels = np.zeros((4, 6), np.int32)
+        labels[:, :3], labels[:, 3:] = 1, 2
+        same, other = np.float32([[0, 0], [9, 0], [10, 0]]), np.float32([[0, 0], [9, 0], [-9, 0]])
+        assert len(connected_segments(labels, same, 0.5)) == 1
+        assert [len(s.rows) for s in connected_segments(labels, other, 0.5)] == [12, 12]
+
+    def test_background_and_unknown_cells_are_nobodys(self):
+        labels = np.array([[0, -1, 1]], np.int32)
+        (segment,) = connected_segments(labels, np.float32([[0, 0], [5, 5]]), 0.5)
+        assert (segment.rows.tolist(), segment.columns.tolist(), segment.neuron) == ([0], [2], 1)
+
+
+class TestBoxes:
+    def test_numbers(self):
+        box = Box(2, 3, 12, 8)
+        assert (box.width, box.height, box.area) == (10, 5, 50)
+        assert box.grown(4, 13, 100) == Box(0, 0, 13, 12)
+        assert box.union(Box(20, 0, 22, 4)) == Box(2, 0, 22, 8)
+        assert box.gap(Box(20, 0, 22, 4)) == 8 and box.gap(Box(5, 5, 6, 6)) == 0
+
+    def test_patches_close_small_gaps_only(self):
+        mask = np.zeros((30, 60), bool)
+        mask[10:20, 5:15] = mask[10:20, 18:28] = mask[10:20, 45:55] = True
+        count, labels = connected_pixels(mask, 7)
+        groups = [np.nonzero(mask & (labels == number))[1] for number in range(1, count)]
+        assert sorted((g.min(), g.max() + 1, len(g)) for g in groups) == [(5, 28, 200), (45, 55, 100)]
+
+    def test_joining_depends_on_the_smaller_patch(self):
+        big, near, far = Patch(Box(0, 0, 40, 40), 900), Patch(Box(44, 0, 64, 20), 300), Patch(Box(90, 0, 100, 10), 80)
+        # gap 4 <= 0.25 * 20; gap from the union at 64 to 90 is 26 > 0.25 * 10
+        joined = joined_patches([big, near, far], 0.25)
+        assert sorted((p.box.left, p.box.right, p.pixels) for p in joined) == [(0, 64, 1200), (90, 100, 80)]
+
+
+def test_bearing_is_the_unit_ray_through_the_centre():
+    records = empty_detections(1)
+    records['u'], records['v'] = 420.0, 240.0
+    found = bearings(records, CameraModel(640, 480, 100.0, 100.0, 320.0, 240.0))
+    # (1, 0, 1) / sqrt(2)
+    assert [float(found[f'bearing_{a}'][0]) for a in 'xyz'] == pytest.approx([0.70710678, 0.0, 0.70710678])
+    assert np.isnan(bearings(empty_detections(1), None)['bearing_x'][0])

@@ -1,0 +1,51 @@
+"""The ground plane against planes that are known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from motion_detect_ros.core.geometry.ground_plane import fit_ground
+
+
+def _points(random: np.random.Generator, count: int = 2000) -> np.ndarray:
+    return np.column_stack([random.uniform(-0.6, 0.6, count), random.uniform(0.02, 0.4, count)])
+
+
+def test_plane_is_found_under_obstacles_and_noise():
+    random = np.random.default_rng(1)
+    points = _points(random)
+    true = np.array([0.01, 0.6, -0.003])
+    inverse = points @ true[:2] + true[2]
+    sigma = np.full(len(points), 0.004)
+    inverse += random.normal(0.0, 0.004, len(points))
+    standing = random.random(len(points)) < 0.35
+    inverse[standing] += random.uniform(0.03, 0.3, int(standing.sum()))
+    ground = fit_ground(points, inverse, sigma)
+    assert np.allclose(ground.coefficients, true, atol=[0.003, 0.006, 0.001])
+
+
+def test_least_inverse_depth_is_below_the_plane_and_never_negative():
+    random = np.random.default_rng(2)
+    points = _points(random)
+    ground = fit_ground(points, points[:, 1] * 0.5, np.full(len(points), 0.003))
+    low = np.array([[0.0, 0.3], [0.2, 0.1], [0.0, -0.2]])
+    least = ground.least_inverse_depth(low)
+    assert np.all(least[:2] < low[:2, 1] * 0.5)
+    assert np.all(least[:2] > low[:2, 1] * 0.5 * 0.7)
+    assert least[2] == 0.0
+
+
+def test_no_plane_where_nothing_agrees():
+    random = np.random.default_rng(3)
+    points = _points(random)
+    assert fit_ground(points, random.uniform(0.0, 1.0, len(points)), np.full(len(points), 0.003)) is None
+
+
+def test_ceiling_is_not_ground():
+    random = np.random.default_rng(4)
+    points = _points(random)
+    assert fit_ground(points, 0.5 - 0.6 * points[:, 1], np.full(len(points), 0.003)) is None
+
+
+def test_too_few_points():
+    assert fit_ground(np.zeros((10, 2)), np.zeros(10), np.ones(10)) is None

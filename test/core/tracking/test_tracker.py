@@ -1,0 +1,232 @@
+"""Tracks of exact motions under an exact camera motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from motion_detect_ros.core.clustering_stage import ClusteringStage
+from motion_detect_ros.core.config import PipelineConfig, TracksConfig
+from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.detection.scoring import log_odds, probability
+from motion_detect_ros.core.ego_motion.stage import no_estimate
+from motion_detect_ros.core.geometry.frame_history import FrameHistory
+from motion_detect_ros.core.tracking.tracker import Tracker
+from motion_detect_ros.core.types import EgoMotion, EgoStatus, FlowField, PreparedFrame
+
+DT_S = 0.05
+CONFIG = TracksConfig(confirm_hits=3, confirm_frames=5, coast_frames=2)
+
+
+def candidate(u: float, v: float, velocity=(0.0, 0.0), size=(30.0, 20.0), log_odds=2.0) -> Candidate:
+    return Candidate(np.array([u, v]), np.array(size), np.array(velocity, float), 300.0, log_odds, 1)
+
+
+def test_confirmed_after_enough_hits_and_never_by_flicker():
+    tracker = Tracker(CONFIG)
+    counts = [len(tracker.step([candidate(100, 100)], np.eye(3), DT_S, 640, 480)) for _ in range(4)]
+    assert counts == [0, 0, 1, 1]
+    tracker = Tracker(CONFIG)
+    for index in range(20):  # seen every third frame: two hits in five
+        seen = [candidate(100, 100)] if index % 3 == 0 else []
+        assert len(tracker.step(seen, np.eye(3), DT_S, 640, 480)) == 0
+
+
+def test_velocity_is_that_over_ground_however_the_camera_zooms_and_pans():
+    zoom = np.array([[1.01, 0, -4.0], [0, 1.01, 2.0], [0, 0, 1]])
+    tracker, position, velocity = Tracker(CONFIG), np.array([200.0, 150.0]), np.array([80.0, -40.0])
+    for _ in range(40):
+        velocity = velocity * 1.01
+        position = (zoom @ [*position, 1.0])[:2] + velocity * DT_S
+        records = tracker.step([candidate(*position, velocity)], zoom, DT_S, 640, 480)
+    assert records['vel_u'][0] == pytest.approx(velocity[0], rel=0.02)
+    assert records['vel_v'][0] == pytest.approx(velocity[1], rel=0.02)
+    assert records['u'][0] == pytest.approx(position[0], abs=0.5)
+    assert records['age'][0] == 40
+
+
+def test_crossing_objects_keep_their_ids():
+    tracker = Tracker(CONFIG)
+    for index in range(30):
+        a, b = candidate(100 + 6 * index, 100, (120, 0)), candidate(280 - 6 * index, 130, (-120, 0))
+        records = tracker.step([a, b] if index % 2 else [b, a], np.eye(3), DT_S, 640, 480)
+        by_id = {int(r['id']): r for r in records}
+        if index == 5:
+            right = next(number for number, r in by_id.items() if r['vel_u'] > 0)
+    assert by_id[right]['vel_u'] > 100 and len(by_id) == 2
+
+
+def test_costs_of_all_pairs_are_those_of_the_formula():
+    random, tracker = np.random.default_rng(2), Tracker(CONFIG)
+    first, second = ([candidate(*random.uniform(0, [150, 100]), size=random.uniform(10, 40, 2)) for _ in range(count)]
+                     for count in (40, 30))
+    tracker.step(first, np.eye(3), DT_S, 300, 200)
+    tracker.coast_without_frame(0.01, 300)
+    cost = tracker._cost(second)
+    assert cost.shape == (40, 30) and 50 < (cost < 2.0).sum() < 600
+    for row, track in zip(cost, tracker._tracks, strict=True):
+        assert track.gate_inflation_px > 0.0
+        for value, seen in zip(row, second, strict=True):
+            reach = 0.3 * (track.size + seen.size) + 3.0 + 2.0 * track.gate_inflation_px
+            (dx, dy), (w, h), (tw, th) = (seen.centre - track.state[:2]) / reach, seen.size, track.size
+            distance, ratio = float(np.hypot(dx, dy)), abs(float(np.log(w * h / (tw * th))))
+            assert value == pytest.approx(distance + 0.25 * ratio if distance < 1.0 and ratio < 1.6 else 1e6)
+
+
+def test_coasts_along_its_prediction_and_then_ends():
+    tracker = Tracker(CONFIG)
+    for index in range(10):
+        seen = tracker.step([candidate(100 + 5 * index, 100, (100, 0))], np.eye(3), DT_S, 640, 480)
+    first = tracker.step([], np.eye(3), DT_S, 640, 480)
+    assert first['u'][0] == pytest.approx(150, abs=1.0)
+    assert 0.0 < first['score'][0] < seen['score'][0] <= 1.0
+    assert [len(tracker.step([], np.eye(3), DT_S, 640, 480)) for _ in range(3)] == [1, 0, 0]
+
+
+def test_ids_are_never_used_twice():
+    tracker, seen = Tracker(CONFIG), set()
+    for _ in range(3):
+        for _ in range(4):
+            records = tracker.step([candidate(50, 50)], np.eye(3), DT_S, 640, 480)
+        assert int(records['id'][0]) not in seen
+        seen.add(int(records['id'][0]))
+        tracker.reset()
+
+
+class TestMissingEgoMotion:
+    def steady(self, tracker: Tracker, frames: int = 12):
+        for index in range(frames):
+            records = tracker.step([candidate(100 + 5 * index, 100, (100, 0))], np.eye(3), DT_S, 640, 480)
+        return records
+
+    def test_the_same_object_is_found_again_where_the_camera_put_it(self):
+        tracker = Tracker(CONFIG)
+        before = self.steady(tracker)  # at 155
+        tracker.coast(None, DT_S, 640, 480)
+        # own motion two frames further, the camera jumped 26 px in the frame without ego-motion
+        after = tracker.step([candidate(165 + 26, 100, (100, 0))], np.eye(3), DT_S, 640, 480)
+        assert after['id'].tolist() == before['id'].tolist()
+        assert after['age'][0] == before['age'][0] + 2
+        assert after['u'][0] == pytest.approx(191, abs=4.0)  # the jump is believed
+        assert after['vel_u'][0] == pytest.approx(100.0, abs=4.0)  # and is not taken for speed
+
+    def test_without_the_missing_frame_a_jump_is_another_object(self):
+        tracker = Tracker(CONFIG)
+        before = self.steady(tracker)
+        for index in range(4):
+            after = tracker.step([candidate(160 + 5 * index + 26, 100, (100, 0))], np.eye(3), DT_S, 640, 480)
+        assert after['id'].tolist() != before['id'].tolist()
+
+    def test_own_motion_goes_on_for_the_time_that_passed(self):
+        tracker = Tracker(CONFIG)
+        self.steady(tracker)  # at 155
+        tracker.coast_without_frame(0.4, 640)
+        records = tracker.step([], np.eye(3), DT_S, 640, 480)
+        assert records['u'][0] == pytest.approx(155 + 100 * 0.45, abs=1.0)
+
+    def test_known_motion_of_the_camera_is_used_even_when_nothing_was_looked_for(self):
+        tracker, pan = Tracker(CONFIG), np.array([[1, 0, 60.0], [0, 1, 0], [0, 0, 1]])
+        self.steady(tracker)
+        tracker.coast(pan, DT_S, 640, 480)
+        records = tracker.step([], np.eye(3), DT_S, 640, 480)
+        assert records['u'][0] == pytest.approx(155 + 60 + 10, abs=1.0)
+
+    def test_ends_as_after_misses(self):
+        tracker = Tracker(CONFIG)
+        self.steady(tracker)
+        for _ in range(CONFIG.coast_frames + 1):
+            tracker.coast(None, DT_S, 640, 480)
+        assert len(tracker.step([], np.eye(3), DT_S, 640, 480)) == 0
+
+
+def test_the_stage_tells_missing_estimates_and_missing_frames_from_known_ones(monkeypatch):
+    calls = []
+    monkeypatch.setattr(Tracker, 'coast', lambda self, matrix, dt_s, width, height: calls.append(
+        ('coast', None if matrix is None else matrix[0, 2], round(dt_s, 3), width, height)))
+    monkeypatch.setattr(Tracker, 'coast_without_frame', lambda self, dt_s, width: calls.append(
+        ('no frame', round(dt_s, 3), width)))
+    stage, gray, history = ClusteringStage(PipelineConfig()), np.zeros((48, 64), np.uint8), FrameHistory(0.04)
+    pan = np.array([[1, 0, 3.0], [0, 1, 0], [0, 0, 1]])
+
+    def frame(ego: EgoMotion):
+        flow = FlowField(np.full((12, 16, 2), np.nan, np.float32), 64, 48, ego.stamp_ns)
+        prepared = PreparedFrame(gray, 1.0, 64, 48, ego.stamp_ns)
+        stage.process(prepared, ego, history.step(prepared, ego), flow)
+    frame(no_estimate(EgoStatus.FIRST_FRAME, 0, 0))
+    frame(no_estimate(EgoStatus.LOW_TEXTURE, 50_000_000, 0))
+    # this stage never got the frame of 100 ms
+    frame(EgoMotion(pan, np.eye(6), EgoStatus.OK, 150_000_000, 100_000_000))
+    assert calls == [('coast', None, 0.0, 64, 48), ('coast', None, 0.05, 64, 48),
+                     ('no frame', 0.05, 64), ('coast', 3.0, 0.05, 64, 48)]
+
+
+#: Noise of the centre and of the velocity (shares of the side), acceleration (sides/s^2), share of the speed that the
+#: flow misses, correlation of the centre's error from frame to frame.
+NOISES = {
+    'as assumed': (0.12, 0.72, 2.0, 0.0, 0.0),
+    'steady and clean': (0.03, 0.1, 0.0, 0.0, 0.0),
+    'manoeuvring and clean': (0.02, 0.05, 5.0, 0.0, 0.0),
+    'noisy': (0.2, 1.5, 1.0, 0.0, 0.0),
+    'flow too short, boxes that wander': (0.06, 0.09, 1.0, 0.1, 0.8),
+    'flow much too short': (0.03, 0.05, 1.0, 0.35, 0.5),
+}
+
+
+@pytest.mark.parametrize('noise', NOISES.values(), ids=NOISES.keys())
+def test_true_velocity_lies_within_the_reported_interval(noise):
+    """Sixty objects for each kind of noise; the intervals are neither too narrow nor idle."""
+    centre, flow, acceleration, missing, memory = noise
+    random, side, inside, errors, variances = np.random.default_rng(5), 40.0, [], [], []
+    for _ in range(60):
+        tracker, position, velocity = Tracker(CONFIG), np.array([2000.0, 2000.0]), random.normal(0, 60, 2)
+        wander = random.normal(size=2)
+        for index in range(30):
+            push = random.normal(0, acceleration * side, 2)
+            position, velocity = position + velocity * DT_S + push * DT_S ** 2 / 2, velocity + push * DT_S
+            wander = memory * wander + np.sqrt(1 - memory ** 2) * random.normal(size=2)
+            seen = candidate(*(position + centre * side * wander),
+                             (1 - missing) * velocity + random.normal(0, flow * side, 2), (side, side))
+            records = tracker.step([seen], np.eye(3), DT_S, 4000, 4000)
+            if index >= 8 and len(records):
+                error = np.array([records['vel_u'][0], records['vel_v'][0]]) - velocity
+                variance = np.array([records['var_u'][0], records['var_v'][0]])
+                inside.extend(error ** 2 < 1.96 ** 2 * variance)
+                errors.extend(error ** 2)
+                variances.extend(variance)
+    assert len(inside) > 2000
+    assert np.mean(inside) >= 0.9
+    assert np.sqrt(np.mean(variances) / np.mean(errors)) < (5.5 if noise == NOISES['steady and clean'] else 3.0)
+
+
+def test_boxes_are_cut_at_the_border_and_end_outside():
+    tracker = Tracker(CONFIG)
+    for index in range(12):
+        records = tracker.step([candidate(570 + 5 * index, 100, (100, 0))], np.eye(3), DT_S, 640, 480)
+    # centre at 625, 30 px wide: 610 .. 640
+    assert records['u'][0] + records['width'][0] / 2 == pytest.approx(640.0, abs=1e-3)
+    assert records['u'][0] - records['width'][0] / 2 == pytest.approx(610.0, abs=2.0)
+    counts = [len(tracker.step([], np.array([[1, 0, 10.0], [0, 1, 0], [0, 0, 1]]), DT_S, 640, 480)) for _ in range(2)]
+    assert counts == [0, 0]
+
+
+def test_weak_candidates_need_more_of_them_and_doubtful_ones_are_never_reported():
+    def first_report(log_odds: float) -> int | None:
+        tracker = Tracker(TracksConfig(confirm_hits=3, confirm_frames=5, confirm_log_odds=1.0))
+        for index in range(30):
+            if len(tracker.step([candidate(100, 100, log_odds=log_odds)], np.eye(3), DT_S, 640, 480)):
+                return index
+        return None
+    # evidence is summed with a memory of 0.8: 0.3, 0.54, 0.732, 0.886, 1.008
+    assert (first_report(2.0), first_report(0.3), first_report(-0.5)) == (2, 4, None)
+
+
+def test_score_is_the_probability_of_the_summed_evidence():
+    assert probability(0.0) == 0.5
+    assert probability(np.log(3.0)) == pytest.approx(0.75)
+    # -24.2 + 1.9 ln 1000 + 1.25 ln 20 + 5.5 * 0.8 + 6.9 * 0.5 = -24.2 + 13.1247 + 3.7447 + 4.4 + 3.45
+    assert log_odds(1000, 20.0, 0.8, 0.5) == pytest.approx(0.5194, abs=1e-3)
+    tracker = Tracker(CONFIG)
+    for _ in range(3):
+        records = tracker.step([candidate(50, 50, log_odds=1.0)], np.eye(3), DT_S, 640, 480)
+    # 1, 1.8, 2.44
+    assert records['score'][0] == pytest.approx(1.0 / (1.0 + np.exp(-2.44)), abs=1e-6)
