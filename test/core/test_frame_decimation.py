@@ -25,7 +25,7 @@ def test_the_first_m_of_every_n(take, of, wanted):
 
 
 def test_more_than_all_is_refused():
-    with pytest.raises(ConfigError, match=r'load\.take: expected at most load\.of \(2\), got 3'):
+    with pytest.raises(ConfigError, match=r'load\.decimation_keep: expected at most load\.decimation_of \(2\), got 3'):
         with_settings(PipelineConfig(), {'load.decimation_keep': 3, 'load.decimation_of': 2})
 
 

@@ -210,7 +210,7 @@ class TestFlow:
         np.testing.assert_allclose(residual, np.broadcast_to(moved_by, residual.shape), atol=1e-3)
 
 
-class TestEvidence:
+class TestPhotometricTest:
     NOISE = 2.0
 
     def seen(self, ground: np.ndarray, shift_px: int = 10, shadow: bool = False):
@@ -226,7 +226,7 @@ class TestEvidence:
     @pytest.mark.parametrize('ground', [texture(5, 130, 200), np.full((130, 200), 120, np.uint8)],
                              ids=['texture', 'plain'])
     def test_foreground_is_the_object_and_not_its_ghost(self, ground):
-        y, x = np.nonzero(self.seen(ground).mask)
+        y, x = np.nonzero(self.seen(ground).foreground)
         box = Box(x.min() + 20, y.min() + 10, x.max() + 21, y.max() + 11)
         true = Box(70, 40, 70 + SIDE, 40 + SIDE)
         inter = (min(box.right, true.right) - max(box.left, true.left)) * (
@@ -237,7 +237,7 @@ class TestEvidence:
         image = texture(5, 130, 200)
         found = photometric_test(ImagePair(image, image, np.eye(3)), Box(20, 10, 180, 120), np.zeros(2, np.float32),
                         np.float32([6, 0]), self.NOISE, 3.0)
-        assert not found.mask.any()
+        assert not found.foreground.any()
 
 
 class TestSettings:

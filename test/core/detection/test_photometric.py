@@ -68,7 +68,7 @@ def field(random: np.random.Generator, unknown_share: float = 0.3) -> MotionFiel
 
 @pytest.mark.parametrize('box', BOXES)
 @pytest.mark.parametrize(('uniform', 'noise'), [(True, 3.0), (False, 3.0), (False, 9.0)])
-def test_support_is_that_of_the_formula(pair: ImagePair, box: Box, uniform: bool, noise: float) -> None:
+def test_foreground_is_that_of_the_formula(pair: ImagePair, box: Box, uniform: bool, noise: float) -> None:
     x, y = pixels(box)
     still = np.zeros(2) if uniform else np.stack([0.01 * (x - 50.0), 0.02 * (y - 40.0)], axis=-1)
     threshold = 3.0
@@ -82,9 +82,9 @@ def test_support_is_that_of_the_formula(pair: ImagePair, box: Box, uniform: bool
     mask = (gain > threshold ** 2) & came & pair.mask[box.top:box.bottom, box.left:box.right]
 
     found = photometric_test(pair, box, still.astype(np.float32), MOTION, noise, threshold)
-    assert found.mask.shape == (box.height, box.width) and found.gain.dtype == np.float32
+    assert found.foreground.shape == (box.height, box.width) and found.gain.dtype == np.float32
     assert (np.abs(found.gain - gain) > 0.05).mean() < 0.03  # grey values that lie half-way are rounded up or down
-    assert np.count_nonzero(found.mask != mask) <= 0.002 * mask.size
+    assert np.count_nonzero(found.foreground != mask) <= 0.002 * mask.size
     assert box.area < 2000 or np.count_nonzero(mask) > 200
 
 
@@ -104,7 +104,7 @@ def test_pictures_that_cannot_be_written_to_are_taken_too(pair: ImagePair) -> No
     found = photometric_test(
         ImagePair(pair.current, pair.reference, pair.matrix, pair.mask), BOXES[1], np.zeros(2, np.float32),
                     MOTION, 3.0, 3.0)
-    np.testing.assert_array_equal(found.mask, expected.mask)
+    np.testing.assert_array_equal(found.foreground, expected.foreground)
 
 
 @pytest.mark.parametrize('unknown', [0.0, 0.3, 1.0])
@@ -113,7 +113,7 @@ def test_motion_in_a_window_is_that_of_numpy(unknown: float) -> None:
     grid = field(random, unknown)
     for top, bottom, left, right in [(0, ROWS, 0, COLUMNS), (3, 9, 4, 21), (7, 8, 30, 33), (22, 23, 0, 1)]:
         window = np.s_[top:bottom, left:right]
-        motion, sigmas, known = grid.own_motion(*window)
+        motion, sigmas, known = grid.object_motion(*window)
         own = (grid.residual - grid.background.flow)[window].reshape(-1, 2)
         own = own[np.isfinite(own[:, 0])]
         assert known == pytest.approx(len(own) / ((bottom - top) * (right - left)))
@@ -134,7 +134,7 @@ def test_background_of_a_region_is_that_of_opencv() -> None:
     x, y = cells[..., 0], cells[..., 1]
     expected = 0.6 * np.stack([bilinear(grid.background.flow[..., axis], x, y) for axis in (0, 1)], axis=-1)
     for box in BOXES:
-        np.testing.assert_allclose(grid.still(box, WIDTH, HEIGHT), expected[box.top:box.bottom, box.left:box.right],
+        np.testing.assert_allclose(grid.background_flow(box, WIDTH, HEIGHT), expected[box.top:box.bottom, box.left:box.right],
                                    atol=1e-4)
 
 

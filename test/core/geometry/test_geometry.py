@@ -43,12 +43,12 @@ class TestWarp:
         np.testing.assert_allclose(grid_points(1, 2, 8, 4)[0], [[1.5, 1.5], [5.5, 1.5]])
 
 
-class TestEgoChain:
+class TestMotionChain:
     def test_composes_backwards(self):
         chain = MotionChain()
         chain.append(ego(0, 1, shift(5, 0)))
         chain.append(ego(1, 2, np.diag([2.0, 2.0, 1.0])))
-        back = chain.look_back(2.0)
+        back = chain.nearest(2.0)
         # (1, 1) two frames ago: + (5, 0) = (6, 1), doubled = (12, 2)
         assert back.stamp_ns == 0 and back.frames == 2
         np.testing.assert_allclose(back.matrix @ [1, 1, 1], [12, 2, 1])
@@ -58,21 +58,21 @@ class TestEgoChain:
         chain = MotionChain()
         for index in range(4):
             chain.append(ego(index / 10, (index + 1) / 10, np.eye(3)))
-        assert chain.look_back(seconds).frames == frames
+        assert chain.nearest(seconds).frames == frames
 
     def test_broken_by_a_missing_or_failed_link(self):
         chain = MotionChain()
         chain.append(ego(0, 1, shift(1, 0)))
         chain.append(ego(2, 3, shift(1, 0)))
-        assert [back.frames for back in chain.look_backs()] == [1]
+        assert [back.frames for back in chain.chained()] == [1]
         chain.append(ego(3, 4, np.eye(3), EgoStatus.LOW_TEXTURE))
-        assert chain.look_back(1.0) is None
+        assert chain.nearest(1.0) is None
 
     def test_bounded(self):
         chain = MotionChain()
         for index in range(3 * MAX_LINKS):
             chain.append(ego(index, index + 1, np.eye(3)))
-        assert len(chain.look_backs()) == MAX_LINKS
+        assert len(chain.chained()) == MAX_LINKS
 
 
 class TestBackground:

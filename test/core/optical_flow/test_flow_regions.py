@@ -70,7 +70,7 @@ def test_a_region_of_everything_is_the_whole_flow() -> None:
     current, earlier = picture(1), picture(0)
     dis = make_flow(OpticalFlowConfig())
     np.testing.assert_array_equal(
-        flow_in_regions(dis, current, earlier, np.array([[0, 0, WIDTH, HEIGHT]])), dis(current, earlier))
+        flow_in_regions(dis, np.array([[0, 0, WIDTH, HEIGHT]]), current, earlier), dis(current, earlier))
 
 
 def test_moving_cells_and_the_boxes_around_them() -> None:

@@ -85,7 +85,7 @@ def test_dropped_where_the_ground_is_seen_again(memory):
 
 
 def test_dropped_outside_the_picture():
-    tracker = Tracker(TracksConfig(memory='template', appearance_hold_s=5.0))
+    tracker = Tracker(TracksConfig(appearance='template', appearance_hold_s=5.0))
     pan = np.array([[1, 0, -12.0], [0, 1, 0], [0, 0, 1]])
     counts = []
     for index in range(30):
