@@ -134,7 +134,8 @@ def test_background_of_a_region_is_that_of_opencv() -> None:
     x, y = cells[..., 0], cells[..., 1]
     expected = 0.6 * np.stack([bilinear(grid.background.flow[..., axis], x, y) for axis in (0, 1)], axis=-1)
     for box in BOXES:
-        np.testing.assert_allclose(grid.background_flow(box, WIDTH, HEIGHT), expected[box.top:box.bottom, box.left:box.right],
+        np.testing.assert_allclose(grid.background_flow(box, WIDTH, HEIGHT),
+                                   expected[box.top:box.bottom, box.left:box.right],
                                    atol=1e-4)
 
 
