@@ -220,7 +220,8 @@ class TestPhotometricTest:
             image = ground.copy()
             image[40:40 + SIDE, left:left + SIDE] = THING
             pair.append(image)
-        return photometric_test(ImagePair(pair[1], pair[0], np.eye(3)), Box(20, 10, 180, 120), np.zeros(2, np.float32),
+        return photometric_test(ImagePair(pair[1], pair[0], np.eye(3)), Box(20, 10, 180, 120), Box(0, 0, 200, 130),
+                                np.zeros(2, np.float32),
                        np.float32([shift_px, 0]), self.NOISE, 3.0)
 
     @pytest.mark.parametrize('ground', [texture(5, 130, 200), np.full((130, 200), 120, np.uint8)],
@@ -235,7 +236,8 @@ class TestPhotometricTest:
 
     def test_no_foreground_where_nothing_moved(self):
         image = texture(5, 130, 200)
-        found = photometric_test(ImagePair(image, image, np.eye(3)), Box(20, 10, 180, 120), np.zeros(2, np.float32),
+        found = photometric_test(ImagePair(image, image, np.eye(3)), Box(20, 10, 180, 120), Box(0, 0, 200, 130),
+                                np.zeros(2, np.float32),
                         np.float32([6, 0]), self.NOISE, 3.0)
         assert not found.foreground.any()
 

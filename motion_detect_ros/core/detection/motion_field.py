@@ -41,6 +41,11 @@ class MotionField:
         motion: FloatArray = _median_motion(self.residual, segment.rows, segment.columns)
         return motion * np.float32(self.scale)
 
+    def object_motion_of(self, segment: Segment) -> FloatArray:
+        """(2,) median motion of a segment against the background, working-resolution pixels."""
+        motion: FloatArray = _median_motion(self.residual - self.background.flow, segment.rows, segment.columns)
+        return motion * np.float32(self.scale)
+
     def object_motion(self, rows: slice, columns: slice) -> tuple[FloatArray, float, float]:
         """Motion against the background in a window of cells: (2,) pixels, in noise units, share of known cells.
 

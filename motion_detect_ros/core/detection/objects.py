@@ -10,7 +10,13 @@ from motion_detect_ros.core.config import ObjectsConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.motion_field import MotionField
 from motion_detect_ros.core.detection.patches import Patch, connected_pixels, joined_patches
-from motion_detect_ros.core.detection.photometric import ImagePair, PhotometricTest, image_noise, photometric_test
+from motion_detect_ros.core.detection.photometric import (
+    ImagePair,
+    PhotometricTest,
+    image_noise,
+    photometric_test,
+    reach_px,
+)
 from motion_detect_ros.core.detection.scoring import log_odds
 from motion_detect_ros.core.detection.segments import Segment
 from motion_detect_ros.core.geometry.boxes import Box
@@ -18,8 +24,8 @@ from motion_detect_ros.core.geometry.order_statistics import percentile
 from motion_detect_ros.core.geometry.warp import grid_points
 from motion_detect_ros.core.types import BoolArray
 
-#: A segment's surroundings that its object may reach into, working-resolution pixels.
-MARGIN_PX = 8
+#: A segment's surroundings that its object may reach into besides its motion, working-resolution pixels.
+MARGIN_PX = 3
 #: The same before a three-dimensional background, share of the segment's size: only the part of an object that is below
 #: the ground's depth gives it away, what stands above that part may be as large.
 SPACE_MARGIN_SHARE = 0.5
@@ -51,21 +57,24 @@ class ObjectFinder:
     def _patches(self, segment: Segment, field: MotionField, pair: ImagePair, noise_gray: float) -> list[Patch]:
         """Patches of the image around one segment that its motion explains, working-resolution pixels."""
         height, width = pair.current.shape
-        region = self._region(segment, field, width, height)
-        background_flow = field.background_flow(region, width, height)
+        reach = reach_px(field.object_motion_of(segment))
+        region = self._region(segment, field, reach, width, height)
+        window = region.grown(reach, width, height)
         test = photometric_test(
-            pair, region, background_flow, field.motion_of(segment), noise_gray, self._config.photometric_sigma)
+            pair, region, window, field.background_flow(window, width, height), field.motion_of(segment), noise_gray,
+            self._config.photometric_sigma)
         found = self._patches_of(test, _cell_mask(segment, field.residual.shape[:2], region, width, height))
         joined = joined_patches(found, self._config.join_gap_share)
         return [patch.moved(region.left, region.top) for patch in joined if self._plausible(patch, width * height)]
 
     @staticmethod
-    def _region(segment: Segment, field: MotionField, width: int, height: int) -> Box:
+    def _region(segment: Segment, field: MotionField, reach: int, width: int, height: int) -> Box:
+        """What the object of a segment may cover: flow of what moves far is found on a part of it only."""
         rows, columns = field.residual.shape[:2]
         cells = segment.box
         box = Box(cells.left * width // columns, cells.top * height // rows,
                   -(-cells.right * width // columns), -(-cells.bottom * height // rows))
-        margin = MARGIN_PX
+        margin = MARGIN_PX + reach
         if not field.background.smooth:
             margin = max(margin, round(SPACE_MARGIN_SHARE * min(box.width, box.height)))
         return box.grown(margin, width, height)

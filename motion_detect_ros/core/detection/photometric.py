@@ -12,6 +12,7 @@ place lies behind the object, where nothing changed.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -63,20 +64,34 @@ class PhotometricTest:
 
 
 def photometric_test(
-    pair: ImagePair, box: Box, background: FloatArray, motion: FloatArray, noise_gray: float, threshold_sigma: float,
+    pair: ImagePair, region: Box, window: Box, background_flow: FloatArray, motion: FloatArray, noise_gray: float,
+    threshold_sigma: float,
 ) -> PhotometricTest:
-    """Which pixels of ``box`` the motion explains better than the background, by ``threshold_sigma`` noise levels.
+    """Which pixels of ``region`` the motion explains better than the background, by ``threshold_sigma`` noise levels.
 
-    background: (2,) or (h, w, 2), motion: (2,), pixels over the pair, beyond the ego-motion; noise_gray: one deviation.
+    window: what the errors are computed in, ``region`` and around it the places that its pixels came from (``reach``);
+    pixels from outside of it count as background. background_flow: (2,) or (h, w, 2) of ``window``, motion: (2,), both
+    pixels over the pair, beyond the ego-motion; noise_gray: one deviation.
     """
-    background_flow = np.require(np.broadcast_to(background, (box.height, box.width, 2)), np.float32, ['C', 'W'])
-    errors = cv2.blur(_squared_errors(*pair.pictures, pair.back, box.left, box.top, background_flow, motion),
+    shape = (window.height, window.width, 2)
+    background_flow = np.require(np.broadcast_to(background_flow, shape), np.float32, ['C', 'W'])
+    errors = cv2.blur(_squared_errors(*pair.pictures, pair.back, window.left, window.top, background_flow, motion),
                       (WINDOW_PX, WINDOW_PX))
-    foreground, gain = _explained(errors, box.left, box.top, background_flow, motion, np.float32(noise_gray ** 2),
-                            np.float32((noise_gray * threshold_sigma) ** 2), np.float32(threshold_sigma ** 2))
+    inner = region.moved(-window.left, -window.top)
+    foreground, gain = _explained(
+        errors, inner.left, inner.top, inner.right, inner.bottom, background_flow, motion, np.float32(noise_gray ** 2),
+        np.float32((noise_gray * threshold_sigma) ** 2), np.float32(threshold_sigma ** 2))
     if pair.mask is not None:
-        foreground &= pair.mask[box.top:box.bottom, box.left:box.right]
+        foreground &= pair.mask[region.top:region.bottom, region.left:region.right]
     return PhotometricTest(foreground, gain)
+
+
+def reach_px(object_motion: FloatArray) -> int:
+    """How far around an object the places lie that its pixels came from, with the slack of the test.
+
+    object_motion: (2,) pixels over the pair, against the background.
+    """
+    return math.ceil(float(np.hypot(object_motion[0], object_motion[1]))) + SLACK_PX
 
 
 def image_noise(pair: ImagePair, points: FloatArray, background: FloatArray) -> float:
@@ -128,21 +143,26 @@ def _squared_errors(current, reference, back, left, top, background_flow, motion
 
 
 @numba.njit(cache=True, nogil=True, error_model='numpy')
-def _explained(errors, left, top, background_flow, motion, noise, change, threshold):  # type: ignore[no-untyped-def]
-    """(h, w) pixels that gain more than ``threshold`` and came from change, and (h, w) the gain in units of ``noise``.
+def _explained(  # type: ignore[no-untyped-def]
+    errors, left, top, right, bottom, background_flow, motion, noise, change, threshold,
+):
+    """Pixels of a box, in coordinates of ``errors``, that gain more than ``threshold`` and came from change.
 
-    errors: (h, w, 2) mean squared errors of a box; change: what of the first is one.
+    errors: (h, w, 2) mean squared errors; change: what of the first is one. Returns (bottom - top, right - left) mask
+    and gain in units of ``noise``.
     """
     height, width = errors.shape[:2]
     slack = SLACK_PX // 2
-    mask, gain = np.zeros((height, width), np.bool_), np.empty((height, width), np.float32)
-    for r in range(height):
-        for c in range(width):
-            gain[r, c] = (errors[r, c, 0] - errors[r, c, 1]) / noise
-            if not gain[r, c] > threshold:
+    mask = np.zeros((bottom - top, right - left), np.bool_)
+    gain = np.empty(mask.shape, np.float32)
+    for r in range(top, bottom):
+        for c in range(left, right):
+            value = (errors[r, c, 0] - errors[r, c, 1]) / noise
+            gain[r - top, c - left] = value
+            if not value > threshold:
                 continue
-            x = np.float32(left + c) - (motion[0] - background_flow[r, c, 0]) - np.float32(left)
-            y = np.float32(top + r) - (motion[1] - background_flow[r, c, 1]) - np.float32(top)
+            x = np.float32(c) - (motion[0] - background_flow[r, c, 0])
+            y = np.float32(r) - (motion[1] - background_flow[r, c, 1])
             if not (-1.0 < x < width and -1.0 < y < height):
                 continue
             column, row = int(np.rint(x)), int(np.rint(y))
@@ -150,7 +170,7 @@ def _explained(errors, left, top, background_flow, motion, noise, change, thresh
                 continue
             for near_r in range(max(0, row - slack), min(height, row + slack + 1)):
                 for near_c in range(max(0, column - slack), min(width, column + slack + 1)):
-                    mask[r, c] |= errors[near_r, near_c, 0] > change
+                    mask[r - top, c - left] |= errors[near_r, near_c, 0] > change
     return mask, gain
 
 
