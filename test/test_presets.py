@@ -78,7 +78,7 @@ def test_unknown_presets_list_the_known_ones():
 
 @pytest.mark.parametrize(('values', 'words'), [
     ({'art2.initial_neurons': 30}, r'art2.initial_neurons: expected at most art2.max_neurons \(25\), got 30'),
-    ({'tracks.confirm_hits': 7}, r'tracks.confirm_hits: expected at most tracks.confirm_frames \(6\), got 7'),
+    ({'tracks.confirm_s': 0.5}, r'tracks.confirm_s: expected at most tracks.confirm_window_s \(0.24\), got 0.5'),
 ])
 def test_settings_that_contradict_each_other_are_refused(values: dict[str, int], words: str):
     with pytest.raises(ConfigError, match=words):

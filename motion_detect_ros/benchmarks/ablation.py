@@ -40,7 +40,7 @@ class Part:
 
 #: With nothing to confirm, a track is reported at its first detection.
 AT_ONCE: Mapping[str, Scalar] = {
-    'tracks.confirm_hits': 1, 'tracks.confirm_frames': 1, 'tracks.confirm_log_odds': -100.0,
+    'tracks.confirm_s': 0.0, 'tracks.confirm_log_odds': -100.0,
     'tracks.show_log_odds': -100.0}
 
 PARTS = (
@@ -63,9 +63,9 @@ PARTS = (
     Part('closing of gaps', {'objects.closing_px': 1}),
     Part('least fill of a box', {'objects.min_fill': 0.0}),
     Part('summed evidence of tracks', {'tracks.confirm_log_odds': -100.0, 'tracks.show_log_odds': -100.0}),
-    Part('confirmation by hits', {'tracks.confirm_hits': 1, 'tracks.confirm_frames': 1}),
+    Part('confirmation by hits', {'tracks.confirm_s': 0.0}),
     Part('all confirmation', AT_ONCE),
-    Part('coasting', {'tracks.coast_frames': 0}),
+    Part('coasting', {'tracks.coast_s': 0.0}),
     Part('mask of burnt-in text', {'preprocessing.ignore_top_px': 0}),
 )
 #: What no setting takes out.

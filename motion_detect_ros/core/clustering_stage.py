@@ -67,16 +67,18 @@ class ClusteringStage:
         if reference is None:
             self._tracker.coast(ego.matrix if ego.ok else None, ego.dt_s, frame.width, frame.height)
             return empty_detections()
-        candidates = self._candidates(frame, reference, flow)
+        candidates = self._candidates(frame, reference, flow, ego.dt_s)
         records = self._tracker.step(candidates, ego.matrix, ego.dt_s, frame.width, frame.height, frame.gray)
         return bearings(records, self.camera and self.camera.resized(frame.width, frame.height))
 
-    def _candidates(self, frame: PreparedFrame, reference: ReferenceFrame, flow: FlowField) -> list[Candidate]:
+    def _candidates(
+        self, frame: PreparedFrame, reference: ReferenceFrame, flow: FlowField, dt_s: float,
+    ) -> list[Candidate]:
         residual = residual_flow(flow.flow, reference.matrix, flow.width, flow.height)
         if frame.mask is not None:
             residual[~scene_cells(frame.mask, reference.matrix, frame.scale, *residual.shape[:2])] = np.nan
-        background = self._scene.fit(flow.flow, residual, self._camera_of(flow))
-        found = self._detector.candidates(residual, background, frame, reference)
+        background = self._scene.fit(flow.flow, residual, self._camera_of(flow), dt_s)
+        found = self._detector.candidates(residual, background, frame, reference, dt_s)
         return with_growth(found, flow, residual - background.flow, reference.seconds)
 
     def _camera_of(self, flow: FlowField) -> CameraModel:

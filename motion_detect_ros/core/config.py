@@ -71,8 +71,8 @@ class EgoMotionConfig:
         3000.0, 'how hard the camera may accelerate (standard deviation)', low=1.0, high=1e6, unit='px/s^2')
     ar_order: int = setting(
         4, 'autoregressive: measurements that the next one is predicted from', low=1, high=12, unit='frames')
-    ar_forgetting_frames: int = setting(
-        40, 'autoregressive: over how long its weights are learnt', low=5, high=1000, unit='frames')
+    ar_forgetting_s: float = setting(
+        1.6, 'autoregressive: over how long its weights are learnt', low=0.05, high=60.0, unit='s')
     max_gap_s: float = setting(
         1.0, 'a longer gap between frames starts everything anew', low=0.01, high=60.0, unit='s')
     relative_pose: bool = setting(
@@ -177,8 +177,8 @@ class Art2Config:
         0.6, 'magnitude: they spread until all that clearly moves matches one so well; 0.6 tells speeds of 3 : 7 and'
         ' directions of 47 degrees apart, 0.8 speeds of 2 : 3 and 23 degrees', low=0.0, high=1.0)
     max_neurons: int = setting(25, 'neurons the network may grow to', low=2, high=200)
-    forget_frames: int = setting(
-        10, 'a neuron that wins nothing for this long is forgotten', low=1, high=1000, unit='frames')
+    forget_s: float = setting(
+        0.4, 'a neuron that wins nothing for this long is forgotten', low=0.001, high=60.0, unit='s')
     merge_match: float = setting(
         1.0, 'neurons whose match is over this become one, 1 = none', low=0.0, high=1.0)
     background_sigma: float = setting(
@@ -229,13 +229,17 @@ class ObjectsConfig:
 class TracksConfig:
     """Identity over time."""
 
-    confirm_hits: int = setting(3, 'detections before a track is reported', low=1, high=100)
-    confirm_frames: int = setting(6, 'frames within which they must come', low=1, high=100)
+    confirm_s: float = setting(
+        0.12, 'time for which an object must have been detected, two frames at least, before it is reported', low=0.0,
+        high=60.0, unit='s')
+    confirm_window_s: float = setting(
+        0.24, 'time within which that must be', low=0.0, high=60.0, unit='s')
     confirm_log_odds: float = setting(
         1.0, 'log odds summed over frames that a track needs before it is reported', low=-100.0, high=100.0)
     show_log_odds: float = setting(
         0.0, 'a confirmed track is reported while its summed log odds are at least this', low=-100.0, high=100.0)
-    coast_frames: int = setting(3, 'frames a confirmed track lives without detection', low=0, high=100)
+    coast_s: float = setting(
+        0.12, 'how long a confirmed track lives without detection', low=0.0, high=60.0, unit='s')
     appearance: str = setting(
         'none', 'objects that stop are recognised by their appearance: template (pixels) or camshift (grey values)',
         choices=('none', 'template', 'camshift'))
@@ -243,9 +247,9 @@ class TracksConfig:
         2.0, 'how long they are held where they are, their score fading', low=0.0, high=60.0, unit='s')
 
     def __post_init__(self) -> None:
-        if self.confirm_hits > self.confirm_frames:
-            raise ConfigError(f'tracks.confirm_hits: expected at most tracks.confirm_frames ({self.confirm_frames}), '
-                              f'got {self.confirm_hits}')
+        if self.confirm_s > self.confirm_window_s:
+            raise ConfigError(f'tracks.confirm_s: expected at most tracks.confirm_window_s ({self.confirm_window_s}), '
+                              f'got {self.confirm_s}')
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from motion_detect_ros.core.types import NANOSECONDS, CameraModel, DoubleArray, 
 
 #: Width of the scratch pictures at least; they are shrunk like any other.
 MIN_WARM_UP_PX = 480
-#: Hits after which its object is confirmed, at most.
-WARM_UP_HITS = 3
+#: Scratch pictures: the object is detected from the second on, and reported from the third on.
+WARM_UP_FRAMES = 5
 
 
 class MotionPipeline:
@@ -93,14 +93,13 @@ def use_threads(config: LoadConfig) -> None:
 def warm_up(config: PipelineConfig) -> None:
     """Compile (or load from the cache) every kernel and touch the memory, so that no real frame has to wait."""
     seen = replace(config.preprocessing, ignore_top_px=0, ignore_regions='')  # made for pictures of another size
-    hits = min(WARM_UP_HITS, config.tracks.confirm_hits)
-    tracks = replace(config.tracks, confirm_hits=hits, confirm_frames=max(hits, config.tracks.confirm_frames))
+    tracks = replace(config.tracks, confirm_s=0.0, confirm_log_odds=-100.0)
     pipeline = MotionPipeline(replace(config, preprocessing=seen, tracks=tracks))
     width = max(MIN_WARM_UP_PX, config.preprocessing.max_width_px)
     random = np.random.default_rng(0)
     ground = random.integers(0, 255, (width * 9 // 16, width), np.uint8)
     thing = random.integers(0, 255, (40, 40), np.uint8)
-    for index in range(hits + 2):
+    for index in range(WARM_UP_FRAMES):
         image = ground.copy()
         left = 40 + 6 * index
         image[60:100, left:left + 40] = thing

@@ -133,7 +133,7 @@ class TestCommand:
 
     @pytest.mark.parametrize(('extra', 'message'), [
         (['nothing'], 'expected some of made_moves, made_stands, got nothing'),
-        (['--set', 'tracks.confirm_hits'], "--set: expected NAME=VALUE, got 'tracks.confirm_hits'"),
+        (['--set', 'tracks.confirm_s'], "--set: expected NAME=VALUE, got 'tracks.confirm_s'"),
         (['--set', 'tracks.hits=3'], "unknown setting 'tracks.hits'"),
         (['--floors', '/nowhere.json'], 'floors cannot be read'),
     ])

@@ -17,7 +17,7 @@ def test_two_of_five(tmp_path):
     for frame in SyntheticFlight(FlightConfig.single(40.0, 4.0, 3.0, frames=30)):
         cv2.imwrite(str(images / f'{frame.index:04d}.png'), frame.image)
     config = tmp_path / 'load.yaml'
-    config.write_text('/**:\n  ros__parameters:\n    load: {take: 2, of: 5}\n')
+    config.write_text('/**:\n  ros__parameters:\n    load: {decimation_keep: 2, decimation_of: 5}\n')
     assert main(['replay', str(images), '-o', str(tmp_path / 'out'), '--config', str(config), '--fps', '20']) == 0
     with (tmp_path / 'out' / 'detections.csv').open(encoding='utf-8') as file:
         rows = list(csv.DictReader(file))

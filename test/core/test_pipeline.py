@@ -163,8 +163,8 @@ def test_tracks_end_at_a_jump_whose_own_frame_never_came(jump):
     assert before and after and not before & after
 
 
-def test_many_hits_before_a_track_is_reported_do_not_lengthen_the_warm_up():
-    tracks = TracksConfig(confirm_hits=80, confirm_frames=100)
+def test_a_long_time_before_a_track_is_reported_does_not_lengthen_the_warm_up():
+    tracks = TracksConfig(confirm_s=50.0, confirm_window_s=60.0)
     warm_up(PipelineConfig(tracks=tracks, preprocessing=PreprocessingConfig(max_width_px=320)))
 
 

@@ -17,10 +17,10 @@ def test_f1_stays_over_its_floor(clips: Path, capsys: pytest.CaptureFixture[str]
 
 
 def test_guard_fails_for_a_worse_detector(clips: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """One clip is enough: a detector that wants six detections in six frames is not half as good."""
+    """One clip is enough: a detector that wants a quarter of a second without a miss is not half as good."""
     one = tmp_path / 'one.json'
     write_floors(one, [floor for floor in read_floors(FLOORS) if floor.clip == 'davis_bmx-trees'])
-    assert accuracy.main(['--floors', str(one), '--data', str(clips), '--set', 'tracks.confirm_hits=6',
+    assert accuracy.main(['--floors', str(one), '--data', str(clips), '--set', 'tracks.confirm_s=0.24',
                           'objects.photometric_sigma=9.0', '--jobs', '1']) == 1
     assert 'davis_bmx-trees, first 60 frames: F1 at IoU 0.3 is' in capsys.readouterr().err
 

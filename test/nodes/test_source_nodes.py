@@ -66,7 +66,7 @@ def test_camera_publishes_every_picture_of_a_folder_and_ends(peer, start, pictur
 
 def test_camera_takes_two_of_five(peer, start, pictures):
     images = peer.listen(Image, 'image_raw')
-    film(peer, start, pictures, '-p', 'take:=2', '-p', 'of:=5')
+    film(peer, start, pictures, '-p', 'decimation_keep:=2', '-p', 'decimation_of:=5')
     for message, index in zip(images, (0, 1, 5, 6), strict=True):
         np.testing.assert_array_equal(image_from_msg(message), picture(index))
 

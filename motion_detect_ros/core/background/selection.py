@@ -14,6 +14,7 @@ from motion_detect_ros.core.background.alternatives.plane_parallax import fit_pa
 from motion_detect_ros.core.background.planar import Background, fit_background
 from motion_detect_ros.core.background.static_points import fit_static_scene
 from motion_detect_ros.core.config import BackgroundConfig
+from motion_detect_ros.core.forgetting import kept
 from motion_detect_ros.core.geometry.epipolar import PoseEstimate
 from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.types import CameraModel, FloatArray
@@ -24,8 +25,8 @@ DATA_DIMENSION, SURFACE_DIMENSION, SPACE_DIMENSION = 4, 2, 3
 PER_DIMENSION, OUTLIER = math.log(4.0), 2.0
 #: Noise assumed of the flow when the models are compared: pixels, and share of the flow.
 NOISE_PX, NOISE_SHARE = 0.3, 0.02
-#: Memory of the score from frame to frame, and how far it must cross zero before the model changes.
-KEPT_SCORE, HYSTERESIS = 0.7, 0.2
+#: Memory of the score, seconds, and how far it must cross zero before the model changes.
+SCORE_MEMORY_S, HYSTERESIS = 0.11, 0.2
 
 
 class BackgroundSelector:
@@ -41,35 +42,35 @@ class BackgroundSelector:
         self._score: float | None = None
         self.three_dimensional = False
 
-    def fit(self, flow: FloatArray, residual: FloatArray, camera: CameraModel) -> Background:
+    def fit(self, flow: FloatArray, residual: FloatArray, camera: CameraModel, dt_s: float) -> Background:
         """Background of one frame.
 
         flow: (gh, gw, 2) total displacement, full-resolution pixels of the camera; residual: the same with the
-        ego-motion taken out, NaN = invalid.
+        ego-motion taken out, NaN = invalid; dt_s: since the frame before.
         """
         length = magnitude(np.nan_to_num(flow))
         planar = fit_background(residual, self._config, length)
         if self._config.model == 'planar':
             return planar
-        sigma = NOISE_PX + NOISE_SHARE * length
-        cost = _cost(residual, planar, sigma, SURFACE_DIMENSION)
-        if self._config.model == 'auto' and cost <= SPACE_DIMENSION * PER_DIMENSION:
-            self._decide(cost - SPACE_DIMENSION * PER_DIMENSION)  # even a perfect fit in space would not be worth it
-            if not self.three_dimensional:
-                return planar
         if self._config.model == 'plane_parallax':
             return fit_parallax_background(flow, residual, camera.width, camera.height, self._config) or planar
+        sigma = NOISE_PX + NOISE_SHARE * length
+        cost, perfect = _cost(residual, planar, sigma, SURFACE_DIMENSION), SPACE_DIMENSION * PER_DIMENSION
+        if self._config.model == 'auto' and cost <= perfect and not self.three_dimensional:
+            self._decide(cost - perfect, dt_s)  # even a perfect fit in space would not be worth it
+            return planar
         scene = fit_static_scene(flow, residual, camera, self._config, self._motion)
         if scene is None:
             return planar
         self._motion = scene.motion
         if self._config.model == 'auto':
-            self._decide(cost - _cost(residual, scene.background, sigma, SPACE_DIMENSION))
+            self._decide(cost - _cost(residual, scene.background, sigma, SPACE_DIMENSION), dt_s)
         return scene.background if self.three_dimensional or self._config.model == 'epipolar' else planar
 
-    def _decide(self, score: float) -> None:
+    def _decide(self, score: float, dt_s: float) -> None:
         """score: positive where space explains more than it costs."""
-        self._score = score if self._score is None else KEPT_SCORE * self._score + (1.0 - KEPT_SCORE) * score
+        remembered = kept(dt_s, SCORE_MEMORY_S)
+        self._score = score if self._score is None else remembered * self._score + (1.0 - remembered) * score
         self.three_dimensional = self._score > (-HYSTERESIS if self.three_dimensional else HYSTERESIS)
 
 

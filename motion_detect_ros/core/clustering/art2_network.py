@@ -26,6 +26,8 @@ LabelArray = npt.NDArray[np.int32]
 NOT_PRESENTED = -1
 #: Learning passes over a frame at most; assignments settle after two to four.
 MAX_PASSES = 5
+#: Time between frames where the caller knows none, and what sums of such times may miss, seconds.
+PERIOD_S, TIME_TOLERANCE_S = 0.04, 1e-6
 
 
 class VectorsError(MotionDetectError, ValueError):
@@ -72,7 +74,7 @@ class Art2Network(ABC, Generic[F1]):
 
     def _clear(self, dimension: int) -> None:
         self.prototypes: FloatArray = np.zeros((1, dimension), np.float32)
-        self._idle = np.zeros(1, np.int32)
+        self._idle_s = np.zeros(1)
         self._names = np.zeros(1, np.uint32)
 
     @property
@@ -80,10 +82,11 @@ class Art2Network(ABC, Generic[F1]):
         """(K,) number of each neuron, stable over frames; 0 is the background."""
         return self._names
 
-    def partial_fit(self, vectors: FloatArray) -> LabelArray:
+    def partial_fit(self, vectors: FloatArray, dt_s: float = PERIOD_S) -> LabelArray:
         """Present one frame's vectors; returns (N,) int32 index into ``prototypes`` of each one's neuron.
 
         vectors: (N, D) float32 in units of the noise; rows that are not finite are not presented (``NOT_PRESENTED``).
+        dt_s: time since the frame before, seconds.
         Raises: VectorsError for another shape, or another D than that of the committed neurons.
         """
         vectors = self._checked(vectors)
@@ -100,7 +103,7 @@ class Art2Network(ABC, Generic[F1]):
         if self._merge(labels):
             self._compete(f1, labels, match)
         wins = np.bincount(labels[labels >= 0], minlength=len(self.prototypes))
-        self._idle = np.where(wins > 0, 0, self._idle + 1).astype(np.int32)
+        self._idle_s = np.where(wins > 0, 0.0, self._idle_s + dt_s)
         return labels
 
     def predict(self, vectors: FloatArray) -> LabelArray:
@@ -154,7 +157,7 @@ class Art2Network(ABC, Generic[F1]):
                 return
             self.prototypes = np.vstack([self.prototypes, self._commitment(f1, novel)])
             self._names = np.append(self._names, np.uint32(self._next_name))
-            self._idle = np.append(self._idle, np.int32(0))
+            self._idle_s = np.append(self._idle_s, 0.0)
             self._next_name += 1
             self._compete_new(f1, labels, match)
 
@@ -173,7 +176,7 @@ class Art2Network(ABC, Generic[F1]):
             if both > 0:
                 share = np.float32(wins[newer] / both)
                 self.prototypes[older] += share * (self.prototypes[newer] - self.prototypes[older])
-                self._idle[older] = 0
+                self._idle_s[older] = 0.0
             wins[older] = both
             keep = np.arange(len(self.prototypes)) != newer
             wins = wins[keep]
@@ -182,12 +185,12 @@ class Art2Network(ABC, Generic[F1]):
         return merged
 
     def _forget_idle(self) -> None:
-        keep = self._idle < self._config.forget_frames
+        keep = self._idle_s < self._config.forget_s - TIME_TOLERANCE_S
         keep[0] = True
         self._keep(keep)
 
     def _keep(self, keep: npt.NDArray[np.bool_]) -> None:
-        self.prototypes, self._names, self._idle = self.prototypes[keep], self._names[keep], self._idle[keep]
+        self.prototypes, self._names, self._idle_s = self.prototypes[keep], self._names[keep], self._idle_s[keep]
 
     def _checked(self, vectors: FloatArray) -> FloatArray:
         """``vectors`` as contiguous float32; a memory without neurons takes any dimension."""

@@ -40,13 +40,15 @@ class MotionDetector:
 
     def candidates(
         self, residual: FloatArray, background: Background, frame: PreparedFrame, reference: ReferenceFrame,
+        dt_s: float,
     ) -> list[Candidate]:
         """What moves against the background between ``reference`` and ``frame``.
 
-        residual: (gh, gw, 2) flow with the ego-motion taken out, full-resolution pixels, NaN = unknown.
+        residual: (gh, gw, 2) flow with the ego-motion taken out, full-resolution pixels, NaN = unknown; dt_s: since the
+        frame before.
         """
         vectors = motion_vectors(residual, background)
-        labels = self._art2.partial_fit(vectors.reshape(-1, 2)).reshape(vectors.shape[:2])
+        labels = self._art2.partial_fit(vectors.reshape(-1, 2), dt_s).reshape(vectors.shape[:2])
         segments = connected_segments(labels, self._art2.prototypes, self._join_match)
         field = MotionField(residual, background.behind(labels > 0), reference.seconds, frame.scale)
         pair = ImagePair(frame.gray, reference.gray, at_scale(reference.matrix, frame.scale), frame.mask)

@@ -105,7 +105,7 @@ class ObjectFinder:
         centre = np.array([box.left + box.right, box.top + box.bottom]) / (2.0 * scale)
         size = np.array([box.width, box.height]) / scale
         return Candidate(centre, size, motion.astype(np.float64) / field.seconds, patch.pixels / scale ** 2,
-                         log_odds(patch.pixels, sigmas, known, around), name)
+                         log_odds(patch.pixels / width ** 2, sigmas, known, around), name)
 
 
 def _cell_mask(segment: Segment, grid: tuple[int, ...], region: Box, width: int, height: int) -> BoolArray:

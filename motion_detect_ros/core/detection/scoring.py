@@ -1,6 +1,6 @@
 """How sure one candidate is, from what is known about it in one frame.
 
-A logistic regression (Cox 1958) of "this candidate is a moving object" on four figures: how many pixels its own
+A logistic regression (Cox 1958) of "this candidate is a moving object" on four figures: what area its own
 motion explains better, how fast it is in units of the flow's noise, and how much of the flow in and around it survived
 the check both ways. The coefficients were fitted over the candidates of the real clips in docs/accuracy.md, every clip
 with equal weight, the intercept then lowered until false boxes were rare; docs/accuracy.md tells how they change, and
@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import math
 
+#: Width that the pictures of the fit had; areas are taken as if every picture had it.
+FITTED_WIDTH_PX = 960
 INTERCEPT = -24.2
 PER_LOG_PIXELS = 1.9
 PER_LOG_SIGMAS = 1.25
@@ -20,13 +22,15 @@ PER_KNOWN_AROUND = 6.9
 MIN_SIGMAS = 0.1
 
 
-def log_odds(pixels: int, sigmas: float, known_share: float, known_around: float) -> float:
+def log_odds(area_share: float, sigmas: float, known_share: float, known_around: float) -> float:
     """Logarithm of p / (1 - p) that a candidate moves by itself.
 
-    pixels: supported ones, working resolution; sigmas: motion against the background in noise units; known_share,
-    known_around: share of the cells with known flow, in its box and around it, 0..1.
+    area_share: its foreground's area over the square of the picture's width, so that the same object has the same at
+    every resolution; sigmas: motion against the background in noise units; known_share, known_around: share of the
+    cells with known flow, in its box and around it, 0..1.
     """
-    return (INTERCEPT + PER_LOG_PIXELS * math.log(max(1, pixels)) + PER_LOG_SIGMAS * math.log(max(MIN_SIGMAS, sigmas))
+    pixels = area_share * FITTED_WIDTH_PX ** 2
+    return (INTERCEPT + PER_LOG_PIXELS * math.log(max(1.0, pixels)) + PER_LOG_SIGMAS * math.log(max(MIN_SIGMAS, sigmas))
             + PER_KNOWN_SHARE * known_share + PER_KNOWN_AROUND * known_around)
 
 

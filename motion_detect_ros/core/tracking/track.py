@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.forgetting import kept
 from motion_detect_ros.core.tracking.alternatives.appearance import Appearance
+from motion_detect_ros.core.tracking.detected_time import DetectedTime
 from motion_detect_ros.core.tracking.time_to_contact import Approach
 from motion_detect_ros.core.types import DoubleArray
 
@@ -13,14 +15,16 @@ from motion_detect_ros.core.types import DoubleArray
 CENTRE_SHARE = 0.12
 ACCELERATION_SHARE = 2.0
 MIN_CENTRE_PX = 1.0
-#: What a track keeps of its evidence from frame to frame, what a miss costs, and where evidence saturates.
-KEPT_ODDS = 0.8
-MISS_LOG_ODDS = 1.0
+#: Memory of the log odds, seconds; log odds of a miss; where they saturate; and the frame period, seconds, whose log
+#: odds count once: a longer frame counts for more, so that what is summed up does not depend on the frame rate.
+LOG_ODDS_MEMORY_S = 0.18
+MISS_LOG_ODDS = -1.0
 MAX_LOG_ODDS = 10.0
+PERIOD_S = 0.04
 #: Weight of a new size against the remembered one.
 SIZE_GAIN = 0.4
-#: What a held object keeps of its velocity from frame to frame.
-RECOGNISED_VELOCITY = 0.6
+#: How fast an object that is recognised by its appearance, but shows no motion, comes to rest, seconds.
+REST_S = 0.08
 #: Memory of the measured spread of the innovations, the weight of the assumed spread, and its smallest share.
 KEPT_SPREAD, PRIOR_UPDATES, MIN_SPREAD = 0.9, 5.0, 0.25
 #: Memory of the mean velocity innovation, and what its square adds to the variance.
@@ -63,7 +67,8 @@ class Track:
     Constant velocity with white acceleration: Bar-Shalom et al. 2001, section 6.3.2.
     """
 
-    def __init__(self, number: int, seen: Candidate) -> None:
+    def __init__(self, number: int, seen: Candidate, dt_s: float, window_s: float) -> None:
+        """dt_s: period of the frame it was seen in; window_s: of ``detected``; seconds."""
         self.number = number
         self.id = 0
         self.state: DoubleArray = np.r_[seen.centre, seen.velocity_px_s]
@@ -72,15 +77,16 @@ class Track:
         self.size = seen.size
         self.seen = seen
         self.age = 1
-        self.missed = 0
-        self.hits: list[bool] = [True]
-        self.log_odds = seen.log_odds
+        self.coasted_s = 0.0
+        self.detected = DetectedTime(window_s)
+        self.detected.add(dt_s, True)
+        self.log_odds = _weight(dt_s) * seen.log_odds
         self.gate_inflation_px = 0.0
         self.approach = Approach()
         self.approach.update(seen.growth)
         self.appearance: Appearance | None = None
         self.recognised_s = 0.0
-        self._log_odds_seen = seen.log_odds
+        self._log_odds_seen = self.log_odds
         self._spread = Spread()
 
     @staticmethod
@@ -128,7 +134,7 @@ class Track:
         self.covariance[:2, :2] += np.eye(2) * camera_px ** 2
         self.gate_inflation_px = float(np.hypot(self.gate_inflation_px, camera_px))
 
-    def update(self, seen: Candidate) -> None:
+    def update(self, seen: Candidate, dt_s: float) -> None:
         """Correct with a detection's centre and flow velocity (Kalman 1960); sizes are averaged, log odds add up."""
         position = self._noise(self.size)
         noise = np.diag([position, position, 36.0 * position, 36.0 * position])
@@ -139,18 +145,18 @@ class Track:
         self.state = self.state + gain @ innovation
         self.covariance = self.covariance - gain @ self.covariance
         self.size = self.size + SIZE_GAIN * (seen.size - self.size)
-        self.log_odds = min(MAX_LOG_ODDS, KEPT_ODDS * self.log_odds + seen.log_odds)
+        self._add_log_odds(seen.log_odds, dt_s)
         self.approach.update(seen.growth)
         self.seen = seen
-        self.missed = 0
+        self.coasted_s = 0.0
         self.recognised_s = 0.0
         self._log_odds_seen = self.log_odds
         self.gate_inflation_px = 0.0
 
-    def coast_missed(self) -> None:
+    def coast_missed(self, dt_s: float) -> None:
         """Nothing was found where the object should be."""
-        self.log_odds = KEPT_ODDS * self.log_odds - MISS_LOG_ODDS
-        self.missed += 1
+        self._add_log_odds(MISS_LOG_ODDS, dt_s)
+        self.coasted_s += dt_s
 
     def coast_recognised(self, centre: DoubleArray, dt_s: float, appearance_hold_s: float) -> None:
         """The object shows no motion but was recognised at ``centre``: log odds fade to 0 over ``appearance_hold_s``.
@@ -161,13 +167,22 @@ class Track:
         noise = MIN_CENTRE_PX ** 2
         gain = self.covariance[:, :2] @ np.linalg.inv(self.covariance[:2, :2] + noise * np.eye(2))
         self.state = self.state + gain @ (centre - self.state[:2])
-        self.state[2:] *= RECOGNISED_VELOCITY
+        self.state[2:] *= kept(dt_s, REST_S)
         self.covariance = self.covariance - gain @ self.covariance[:2]
         self.log_odds = self._log_odds_seen * max(0.0, 1.0 - self.recognised_s / appearance_hold_s)
-        self.missed = 0
+        self.coasted_s = 0.0
         self.gate_inflation_px = 0.0
 
-    def coast_unobserved(self) -> None:
+    def coast_unobserved(self, dt_s: float) -> None:
         """Nothing could be looked for: no evidence either way, but what there is gets older."""
-        self.log_odds = KEPT_ODDS * self.log_odds
-        self.missed += 1
+        self._add_log_odds(0.0, dt_s)
+        self.coasted_s += dt_s
+
+    def _add_log_odds(self, log_odds: float, dt_s: float) -> None:
+        before = kept(dt_s, LOG_ODDS_MEMORY_S) * self.log_odds
+        self.log_odds = min(MAX_LOG_ODDS, before + _weight(dt_s) * log_odds)
+
+
+def _weight(dt_s: float) -> float:
+    """How often the log odds of a frame of this period count: the sum tends to the same at every frame rate."""
+    return (1.0 - kept(dt_s, LOG_ODDS_MEMORY_S)) / (1.0 - kept(PERIOD_S, LOG_ODDS_MEMORY_S))

@@ -12,7 +12,9 @@ from scipy.optimize import linear_sum_assignment
 from motion_detect_ros.core.config import TracksConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.scoring import probability
+from motion_detect_ros.core.forgetting import kept
 from motion_detect_ros.core.tracking.alternatives.appearance import APPEARANCE_MODELS
+from motion_detect_ros.core.tracking.detected_time import TIME_TOLERANCE_S
 from motion_detect_ros.core.tracking.track import Track
 from motion_detect_ros.core.types import ByteArray, DoubleArray, RecordArray, empty_detections
 
@@ -20,8 +22,8 @@ from motion_detect_ros.core.types import ByteArray, DoubleArray, RecordArray, em
 FORBIDDEN = 1e6
 #: How fast a camera may move the picture at any time, image widths per second, one deviation.
 CAMERA_WIDTHS_PER_S = 0.25
-#: Memory of the camera's speed from frame to frame.
-KEPT_CAMERA_SPEED = 0.9
+#: Memory of the camera's speed, seconds.
+CAMERA_SPEED_MEMORY_S = 0.4
 #: Deviations of the position of a track that has gone astray within which it is looked for.
 GATE_INFLATION_DEVIATIONS = 2.0
 #: A box is that of the whole object where centre and size are so close to the track's.
@@ -58,18 +60,18 @@ class Tracker:
         pairs = self._assign(candidates)
         for index, track in enumerate(self._tracks):
             hit = index in pairs
-            track.hits = [*track.hits, hit][-self._config.confirm_frames:]
+            track.detected.add(dt_s, hit)
             if hit:
-                track.update(candidates[pairs[index]])
+                track.update(candidates[pairs[index]], dt_s)
                 self._remember(track, gray, width)
         for index, track in enumerate(self._tracks):
             if index not in pairs and not self._recognise(track, gray, dt_s, width):
-                track.coast_missed()
+                track.coast_missed(dt_s)
         taken = set(pairs.values())
         for index, seen in enumerate(candidates):
             if index not in taken:
                 self._started += 1
-                self._tracks.append(Track(self._started, seen))
+                self._tracks.append(Track(self._started, seen, dt_s, self._config.confirm_window_s))
         self._confirm()
         self._drop_ended(width, height)
         return self._report(width, height)
@@ -85,8 +87,8 @@ class Tracker:
             self._predict(matrix, dt_s, width, height)
         for track in self._tracks:
             track.age += matrix is None
-            track.coast_unobserved()
-            track.hits = [*track.hits, False][-self._config.confirm_frames:]
+            track.coast_unobserved(dt_s)
+            track.detected.add(dt_s, False)
         self._drop_ended(width, height)
 
     def coast_without_frame(self, dt_s: float, width: int) -> None:
@@ -109,7 +111,7 @@ class Tracker:
         """Whether a confirmed track without a detection was recognised by its looks."""
         if gray is None or track.appearance is None or track.recognised_s + dt_s > self._config.appearance_hold_s:
             return False
-        if any(other is not track and other.id and not other.missed and not other.recognised_s
+        if any(other is not track and other.id and not other.coasted_s and not other.recognised_s
                and (np.abs(other.state[:2] - track.state[:2]) < 0.5 * other.size).all() for other in self._tracks):
             return False  # another track has found what is there
         scale = gray.shape[1] / width
@@ -123,7 +125,7 @@ class Tracker:
         centre = np.array([width / 2.0, height / 2.0, 1.0])
         moved = matrix @ centre
         speed_px_s = float(np.hypot(*(moved[:2] / moved[2] - centre[:2]))) / max(dt_s, 1e-6)
-        self._camera_px_s = max(speed_px_s, KEPT_CAMERA_SPEED * self._camera_px_s)
+        self._camera_px_s = max(speed_px_s, kept(dt_s, CAMERA_SPEED_MEMORY_S) * self._camera_px_s)
         for track in self._tracks:
             track.predict(matrix, dt_s)
             track.age += 1
@@ -150,8 +152,8 @@ class Tracker:
 
     def _confirm(self) -> None:
         for track in self._tracks:
-            enough = sum(track.hits) >= self._config.confirm_hits and track.log_odds >= self._config.confirm_log_odds
-            if track.id == 0 and enough:
+            enough = track.detected.for_at_least(self._config.confirm_s)
+            if track.id == 0 and enough and track.log_odds >= self._config.confirm_log_odds:
                 self._confirmed += 1
                 track.id = self._confirmed
 
@@ -160,9 +162,8 @@ class Tracker:
 
     def _alive(self, track: Track) -> bool:
         if track.id:
-            return track.missed <= self._config.coast_frames
-        misses = len(track.hits) - sum(track.hits)
-        return misses <= self._config.confirm_frames - self._config.confirm_hits
+            return track.coasted_s <= self._config.coast_s + TIME_TOLERANCE_S
+        return track.detected.missed_s <= self._config.confirm_window_s - self._config.confirm_s + TIME_TOLERANCE_S
 
     def _report(self, width: int, height: int) -> RecordArray:
         shown = [track for track in self._tracks if track.id and track.log_odds >= self._config.show_log_odds]

@@ -13,7 +13,7 @@ from motion_detect_ros.core.background.static_points import fit_static_scene
 from motion_detect_ros.core.config import BackgroundConfig
 from motion_detect_ros.core.types import CameraModel
 
-CONFIG = BackgroundConfig()
+CONFIG, PERIOD_S = BackgroundConfig(), 0.04
 #: A box 12 m away, foot on the ground (1.5 m below the camera at 12 m: row 169.5 + 500 * 0.125 = 232 px = cell 58).
 BOX, DISTANCE = box_cells(70, 36, 84, 58), 12.0
 OWN = {'crosses': (0.4, 0.0, 0.0), 'drives ahead': (0.0, 0.0, 0.8), 'rises': (0.0, -0.3, 0.0)}
@@ -115,39 +115,49 @@ class TestChoice:
         model, field = BackgroundSelector(CONFIG), self._plane()
         field[BOX] += 5.0
         for _ in range(5):
-            background = model.fit(field, field, CAMERA)
+            background = model.fit(field, field, CAMERA, PERIOD_S)
         assert not model.three_dimensional
         assert np.median(_sigmas(field, background)[BOX]) > 5.0
 
     def test_street_is_in_space(self):
         model, field = BackgroundSelector(CONFIG), _street(OWN['drives ahead'])
-        model.fit(field, field, CAMERA)
+        model.fit(field, field, CAMERA, PERIOD_S)
         assert model.three_dimensional
 
     def test_one_odd_frame_does_not_switch(self):
         model, plane, street = BackgroundSelector(CONFIG), self._plane(), _street(None)
         for _ in range(5):
-            model.fit(plane, plane, CAMERA)
-        model.fit(street, street, CAMERA)
+            model.fit(plane, plane, CAMERA, PERIOD_S)
+        model.fit(street, street, CAMERA, PERIOD_S)
         assert not model.three_dimensional
         for _ in range(8):
-            model.fit(street, street, CAMERA)
+            model.fit(street, street, CAMERA, PERIOD_S)
         assert model.three_dimensional
-        model.fit(plane, plane, CAMERA)
+        model.fit(plane, plane, CAMERA, PERIOD_S)
         assert model.three_dimensional
+
+    def test_every_frame_is_decided_on_once(self, monkeypatch: pytest.MonkeyPatch):
+        decide, scores = BackgroundSelector._decide, []
+        monkeypatch.setattr(BackgroundSelector, '_decide', lambda self, score, dt_s: (
+            scores.append(score), decide(self, score, dt_s))[1])
+        model, plane, street = BackgroundSelector(CONFIG), self._plane(), _street(None)
+        for number, field in enumerate([plane, street, street, street, plane, plane, plane, plane, plane], start=1):
+            model.fit(field, field, CAMERA, PERIOD_S)
+            assert len(scores) == number
+        assert not model.three_dimensional
 
     def test_turning_camera_without_travel_is_planar(self):
         """Pure rotation: no parallax, nothing to gain from depth."""
         model = BackgroundSelector(CONFIG)
         field = flow(street_depth(), *motion((0.0, 0.02, 0.0), (0.0, 0.0, 0.0)))
         for _ in range(3):
-            model.fit(field, field, CAMERA)
+            model.fit(field, field, CAMERA, PERIOD_S)
         assert not model.three_dimensional
 
     @pytest.mark.parametrize('name', ['planar', 'epipolar', 'plane_parallax'])
     def test_choice_can_be_fixed(self, name: str):
         field, config = _street(None), BackgroundConfig(model=name, noise_share=0.04)
-        still = (_sigmas(field, BackgroundSelector(config).fit(field, field, CAMERA)) < 3.0).mean()
+        still = (_sigmas(field, BackgroundSelector(config).fit(field, field, CAMERA, PERIOD_S)) < 3.0).mean()
         assert (still > 0.98) == (name != 'planar')
 
 

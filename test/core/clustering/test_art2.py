@@ -173,7 +173,7 @@ def winner_name(art2: Art2, vectors: np.ndarray) -> int:
 
 
 def test_memory_lasts_over_frames_and_idle_neurons_are_forgotten():
-    art2 = Art2(Art2Config(vigilance=0.2, forget_frames=3, initial_neurons=2))
+    art2 = Art2(Art2Config(vigilance=0.2, forget_s=0.12, initial_neurons=2))
     car = np.array([[0, 0], [12, 0], [12.2, 0]], np.float32)
     name = winner_name(art2, car)
     assert winner_name(art2, car + np.float32([0, 0.3])) == name

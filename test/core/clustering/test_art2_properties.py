@@ -66,7 +66,7 @@ def test_same_frames_same_bytes(variant, learning):
 @settings(max_examples=50, deadline=None)
 def test_neurons_never_exceed_the_maximum_and_labels_name_neurons(variant, frames, initial, maximum):
     maximum = max(initial, maximum)
-    art2 = make_art2(config(variant, initial_neurons=initial, max_neurons=maximum, forget_frames=2))
+    art2 = make_art2(config(variant, initial_neurons=initial, max_neurons=maximum, forget_s=0.08))
     for vectors in frames:
         labels = art2.partial_fit(rows(vectors))
         assert len(art2.prototypes) == len(art2.names) == len(set(art2.names.tolist())) <= maximum
@@ -117,7 +117,7 @@ def test_one_motion_keeps_its_name_over_frames(variant):
 
 @pytest.mark.parametrize('variant', VARIANTS)
 def test_a_motion_that_stops_is_forgotten_and_its_name_is_not_used_again(variant):
-    art2 = make_art2(config(variant, initial_neurons=1, forget_frames=3))
+    art2 = make_art2(config(variant, initial_neurons=1, forget_s=0.12))
     moving, still = np.full((5, 2), 12, np.float32), np.zeros((5, 2), np.float32)
     art2.partial_fit(moving)
     for idle in range(1, 5):  # after three frames without a win the fourth frame starts without it

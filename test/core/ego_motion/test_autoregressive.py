@@ -94,7 +94,7 @@ def test_reset_and_another_frame_rate_forget_the_rule():
 
 
 def test_a_still_camera_leaves_the_weights_bounded():
-    smoother = ParameterAutoregression(EgoMotionConfig(ar_forgetting_frames=5))
+    smoother = ParameterAutoregression(EgoMotionConfig(ar_forgetting_s=5 * DT_S))
     out, covariances, accepted = run(smoother, np.zeros((2000, 6)))
     assert np.isfinite(out).all() and np.isfinite(covariances[-1]).all() and all(accepted)
     later, _, _ = run(smoother, noisy(shaking(100)))

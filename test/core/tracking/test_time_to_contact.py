@@ -149,7 +149,7 @@ class TestApproach:
         assert before - approach.time_to_contact_s == pytest.approx(0.25, abs=0.01)
 
     def test_tracks_report_it(self):
-        tracker = Tracker(TracksConfig(confirm_hits=3))
+        tracker = Tracker(TracksConfig())
         for index in range(12):
             left = 4.0 - 0.05 * index
             seen = dataclasses.replace(seen_at(200, 150, 200 / left, 160 / left),

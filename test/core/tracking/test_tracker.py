@@ -15,7 +15,7 @@ from motion_detect_ros.core.tracking.tracker import Tracker
 from motion_detect_ros.core.types import EgoMotion, EgoStatus, FlowField, PreparedFrame
 
 DT_S = 0.05
-CONFIG = TracksConfig(confirm_hits=3, confirm_frames=5, coast_frames=2)
+CONFIG = TracksConfig(confirm_s=3 * DT_S, confirm_window_s=5 * DT_S, coast_s=2 * DT_S)
 
 
 def candidate(u: float, v: float, velocity=(0.0, 0.0), size=(30.0, 20.0), log_odds=2.0) -> Candidate:
@@ -134,7 +134,7 @@ class TestMissingEgoMotion:
     def test_ends_as_after_misses(self):
         tracker = Tracker(CONFIG)
         self.steady(tracker)
-        for _ in range(CONFIG.coast_frames + 1):
+        for _ in range(3):
             tracker.coast(None, DT_S, 640, 480)
         assert len(tracker.step([], np.eye(3), DT_S, 640, 480)) == 0
 
@@ -211,22 +211,38 @@ def test_boxes_are_cut_at_the_border_and_end_outside():
 
 def test_weak_candidates_need_more_of_them_and_doubtful_ones_are_never_reported():
     def first_report(log_odds: float) -> int | None:
-        tracker = Tracker(TracksConfig(confirm_hits=3, confirm_frames=5, confirm_log_odds=1.0))
+        tracker = Tracker(TracksConfig(confirm_s=3 * DT_S, confirm_window_s=5 * DT_S, confirm_log_odds=1.0))
         for index in range(30):
             if len(tracker.step([candidate(100, 100, log_odds=log_odds)], np.eye(3), DT_S, 640, 480)):
                 return index
         return None
-    # evidence is summed with a memory of 0.8: 0.3, 0.54, 0.732, 0.886, 1.008
-    assert (first_report(2.0), first_report(0.3), first_report(-0.5)) == (2, 4, None)
+    # in a frame of 0.05 s 0.3 counts as 0.3 (1 - e^(-0.05/0.18)) / (1 - e^(-0.04/0.18)) = 0.3 * 0.2425 / 0.1993 = 0.365
+    # the sum keeps e^(-0.05/0.18) = 0.7575 of itself: 0.365, 0.642, 0.851, 1.010
+    assert (first_report(2.0), first_report(0.3), first_report(-0.5)) == (2, 3, None)
 
 
-def test_score_is_the_probability_of_the_summed_evidence():
+def test_score_is_the_probability_of_the_summed_log_odds():
     assert probability(0.0) == 0.5
     assert probability(np.log(3.0)) == pytest.approx(0.75)
     # -24.2 + 1.9 ln 1000 + 1.25 ln 20 + 5.5 * 0.8 + 6.9 * 0.5 = -24.2 + 13.1247 + 3.7447 + 4.4 + 3.45
-    assert log_odds(1000, 20.0, 0.8, 0.5) == pytest.approx(0.5194, abs=1e-3)
+    assert log_odds(1000 / 960 ** 2, 20.0, 0.8, 0.5) == pytest.approx(0.5194, abs=1e-3)
     tracker = Tracker(CONFIG)
     for _ in range(3):
         records = tracker.step([candidate(50, 50, log_odds=1.0)], np.eye(3), DT_S, 640, 480)
-    # 1, 1.8, 2.44
-    assert records['score'][0] == pytest.approx(1.0 / (1.0 + np.exp(-2.44)), abs=1e-6)
+    # 1.217 each, see above: 1.217 * (1 + 0.7575 + 0.7575^2) = 2.837
+    assert records['score'][0] == pytest.approx(1.0 / (1.0 + np.exp(-2.837)), abs=1e-4)
+
+
+@pytest.mark.parametrize('rate_hz', [10.0, 20.0, 40.0, 60.0])
+def test_confirmation_coasting_and_log_odds_last_as_long_at_every_rate(rate_hz: float):
+    dt_s, tracker = 1.0 / rate_hz, Tracker(TracksConfig(coast_s=0.3))
+    seen = [candidate(100, 100, log_odds=0.5)]
+    shown = [len(tracker.step(seen, np.eye(3), dt_s, 640, 480)) for _ in range(round(2 * rate_hz))]
+    first_s = (shown.index(1) + 1) * dt_s
+    assert 0.12 - 1e-6 <= first_s <= 0.2 + 1e-6 and all(shown[shown.index(1):])
+    # 0.5 / (1 - e^(-0.04/0.18)) = 2.51 is what the sum tends to
+    assert tracker.step(seen, np.eye(3), dt_s, 640, 480)['score'][0] == pytest.approx(probability(2.51), abs=0.002)
+    gone = [len(tracker.step([], np.eye(3), dt_s, 640, 480)) for _ in range(round(rate_hz))]
+    assert sum(gone) * dt_s <= 0.3 + 1e-6
+    tracker.step(seen, np.eye(3), dt_s, 640, 480)
+    assert not tracker.step(seen, np.eye(3), dt_s, 640, 480)['id'].size or rate_hz < 20

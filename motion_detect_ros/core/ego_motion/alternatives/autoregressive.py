@@ -2,7 +2,7 @@
 
 Each parameter's rate r (per second, about the image centre, pixels) is predicted from its last p measurements,
 r_k = w1 r_(k-1) + .. + wp r_(k-p), p = ``ar_order``. The weights follow by recursive least squares with exponential
-forgetting over ``ar_forgetting_frames`` (Haykin 2002, chapter 9), from the last value alone as start. The prediction
+forgetting over ``ar_forgetting_s`` (Haykin 2002, chapter 9), from the last value alone as start. The prediction
 and the measurement are averaged by their covariances; that of the prediction is measured on how well the last ones did.
 Frames must come evenly: another frame rate starts anew.
 """
@@ -13,6 +13,7 @@ import numpy as np
 
 from motion_detect_ros.core.config import EgoMotionConfig
 from motion_detect_ros.core.ego_motion.kalman import GATE_CHI2_6, MAX_REJECTED
+from motion_detect_ros.core.forgetting import kept
 from motion_detect_ros.core.types import DoubleArray
 
 #: Variance of a weight that nothing is known of.
@@ -32,7 +33,7 @@ class ParameterAutoregression:
 
     def __init__(self, config: EgoMotionConfig) -> None:
         self._order = config.ar_order
-        self._keep = 1.0 - 1.0 / config.ar_forgetting_frames
+        self._forgetting_s = config.ar_forgetting_s
         self._jump = config.process_noise_px_per_s2
         self.reset()
 
@@ -108,15 +109,15 @@ class ParameterAutoregression:
 
     def _learn(self, innovation: DoubleArray, variance: DoubleArray, dt_s: float) -> None:
         """One step of recursive least squares for each parameter. innovation, variance: (6,) of the rates."""
-        noise = self._squared_error(dt_s)
+        keep, noise = kept(dt_s, self._forgetting_s), self._squared_error(dt_s)
         past = self._recent.T
         along = np.einsum('kij,kj->ki', self._doubt, past)
-        gain = along / (self._keep * noise + (past * along).sum(axis=1))[:, None]
+        gain = along / (keep * noise + (past * along).sum(axis=1))[:, None]
         self._weights = self._weights + gain * innovation[:, None]
-        doubt = (self._doubt - gain[:, :, None] * along[:, None, :]) / self._keep
+        doubt = (self._doubt - gain[:, :, None] * along[:, None, :]) / keep
         trace = np.trace(doubt, axis1=1, axis2=2)
         self._doubt = doubt * np.minimum(1.0, WEIGHT_VARIANCE * self._order / trace)[:, None, None]
-        self._errors = self._keep * self._errors + innovation ** 2
-        self._noise = self._keep * self._noise + variance
-        self._count = self._keep * self._count + 1.0
+        self._errors = keep * self._errors + innovation ** 2
+        self._noise = keep * self._noise + variance
+        self._count = keep * self._count + 1.0
         self._guess = max(GUESS_KEPT * self._guess, MIN_GUESS)
