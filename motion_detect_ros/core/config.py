@@ -239,7 +239,8 @@ class TracksConfig:
     show_log_odds: float = setting(
         0.0, 'a confirmed track is reported while its summed log odds are at least this', low=-100.0, high=100.0)
     coast_s: float = setting(
-        0.12, 'how long a confirmed track lives without detection', low=0.0, high=60.0, unit='s')
+        0.12, 'how long a confirmed track lives without detection, one frame at least unless 0', low=0.0, high=60.0,
+        unit='s')
     appearance: str = setting(
         'none', 'objects that stop are recognised by their appearance: template (pixels) or camshift (grey values)',
         choices=('none', 'template', 'camshift'))

@@ -13,7 +13,7 @@ import math
 
 #: Width that the pictures of the fit had; areas are taken as if every picture had it.
 FITTED_WIDTH_PX = 960
-INTERCEPT = -24.2
+INTERCEPT = -24.5
 PER_LOG_PIXELS = 1.9
 PER_LOG_SIGMAS = 1.25
 PER_KNOWN_SHARE = 5.5

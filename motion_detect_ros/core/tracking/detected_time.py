@@ -8,6 +8,9 @@ from collections import deque
 TIME_TOLERANCE_S = 1e-6
 #: One detection alone is none, however long the frame's period.
 MIN_DETECTIONS = 2
+#: Frames that are remembered however long they take, and misses among them that say nothing yet: where frames are rare
+#: or come in pairs (frame decimation), one miss is a long time.
+MIN_FRAMES, FEW_MISSES = 6, 3
 
 
 class DetectedTime:
@@ -20,19 +23,18 @@ class DetectedTime:
     def add(self, dt_s: float, detected: bool) -> None:
         """The next frame; dt_s: since the one before, seconds. Frames that the window does not hold whole are left."""
         self._frames.append((dt_s, detected))
-        while len(self._frames) > MIN_DETECTIONS and self._total_s > self._window_s + TIME_TOLERANCE_S:
+        while len(self._frames) > MIN_FRAMES and sum(self._periods()) > self._window_s + TIME_TOLERANCE_S:
             self._frames.popleft()
 
     def for_at_least(self, seconds: float) -> bool:
         """Whether the object was detected for so long, and in two frames at least."""
-        times = [dt_s for dt_s, detected in self._frames if detected]
+        times = self._periods(detected=True)
         return len(times) >= MIN_DETECTIONS and sum(times) >= seconds - TIME_TOLERANCE_S
 
-    @property
-    def missed_s(self) -> float:
-        """Time of the window in which it was not detected, seconds."""
-        return sum(dt_s for dt_s, detected in self._frames if not detected)
+    def missed_longer_than(self, seconds: float) -> bool:
+        """Whether it was missed for longer, and in more than a few frames."""
+        times = self._periods(detected=False)
+        return len(times) > FEW_MISSES and sum(times) > seconds + TIME_TOLERANCE_S
 
-    @property
-    def _total_s(self) -> float:
-        return sum(dt_s for dt_s, _ in self._frames)
+    def _periods(self, detected: bool | None = None) -> list[float]:
+        return [dt_s for dt_s, was in self._frames if detected is None or was is detected]

@@ -77,7 +77,7 @@ class Track:
         self.size = seen.size
         self.seen = seen
         self.age = 1
-        self.coasted_s = 0.0
+        self.coasted_s, self.coasted_frames = 0.0, 0
         self.detected = DetectedTime(window_s)
         self.detected.add(dt_s, True)
         self.log_odds = _weight(dt_s) * seen.log_odds
@@ -148,15 +148,16 @@ class Track:
         self._add_log_odds(seen.log_odds, dt_s)
         self.approach.update(seen.growth)
         self.seen = seen
-        self.coasted_s = 0.0
+        self.coasted_s, self.coasted_frames = 0.0, 0
         self.recognised_s = 0.0
         self._log_odds_seen = self.log_odds
         self.gate_inflation_px = 0.0
 
     def coast_missed(self, dt_s: float) -> None:
         """Nothing was found where the object should be."""
-        self._add_log_odds(MISS_LOG_ODDS, dt_s)
-        self.coasted_s += dt_s
+        once_at_most = min(1.0, 1.0 / _weight(dt_s))  # it is one look, however long the frame's period
+        self._add_log_odds(once_at_most * MISS_LOG_ODDS, dt_s)
+        self._coast(dt_s)
 
     def coast_recognised(self, centre: DoubleArray, dt_s: float, appearance_hold_s: float) -> None:
         """The object shows no motion but was recognised at ``centre``: log odds fade to 0 over ``appearance_hold_s``.
@@ -170,13 +171,17 @@ class Track:
         self.state[2:] *= kept(dt_s, REST_S)
         self.covariance = self.covariance - gain @ self.covariance[:2]
         self.log_odds = self._log_odds_seen * max(0.0, 1.0 - self.recognised_s / appearance_hold_s)
-        self.coasted_s = 0.0
+        self.coasted_s, self.coasted_frames = 0.0, 0
         self.gate_inflation_px = 0.0
 
     def coast_unobserved(self, dt_s: float) -> None:
         """Nothing could be looked for: no evidence either way, but what there is gets older."""
         self._add_log_odds(0.0, dt_s)
+        self._coast(dt_s)
+
+    def _coast(self, dt_s: float) -> None:
         self.coasted_s += dt_s
+        self.coasted_frames += 1
 
     def _add_log_odds(self, log_odds: float, dt_s: float) -> None:
         before = kept(dt_s, LOG_ODDS_MEMORY_S) * self.log_odds

@@ -162,8 +162,9 @@ class Tracker:
 
     def _alive(self, track: Track) -> bool:
         if track.id:
-            return track.coasted_s <= self._config.coast_s + TIME_TOLERANCE_S
-        return track.detected.missed_s <= self._config.confirm_window_s - self._config.confirm_s + TIME_TOLERANCE_S
+            return track.coasted_s <= self._config.coast_s + TIME_TOLERANCE_S or (
+                self._config.coast_s > 0.0 and track.coasted_frames <= 1)
+        return not track.detected.missed_longer_than(self._config.confirm_window_s - self._config.confirm_s)
 
     def _report(self, width: int, height: int) -> RecordArray:
         shown = [track for track in self._tracks if track.id and track.log_odds >= self._config.show_log_odds]
