@@ -8,7 +8,6 @@ from motion_detect_ros.core.background.selection import BackgroundSelector
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.detector import MotionDetector
-from motion_detect_ros.core.detection.expansion import with_growth
 from motion_detect_ros.core.geometry.bearings import bearings
 from motion_detect_ros.core.geometry.frame_history import ReferenceFrame
 from motion_detect_ros.core.optical_flow.conversion import residual_flow
@@ -78,8 +77,7 @@ class ClusteringStage:
         if frame.mask is not None:
             residual[~scene_cells(frame.mask, reference.matrix, frame.scale, *residual.shape[:2])] = np.nan
         background = self._scene.fit(flow.flow, residual, self._camera_of(flow), dt_s)
-        found = self._detector.candidates(residual, background, frame, reference, dt_s)
-        return with_growth(found, flow, residual - background.flow, reference.seconds)
+        return self._detector.candidates(flow, residual, background, frame, reference, dt_s)
 
     def _camera_of(self, flow: FlowField) -> CameraModel:
         """The calibration in the flow's pixels; a guess where there is none."""

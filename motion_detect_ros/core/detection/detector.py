@@ -8,13 +8,14 @@ from motion_detect_ros.core.background.planar import Background, motion_vectors
 from motion_detect_ros.core.clustering.art2 import make_art2
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.detection.expansion import with_growth
 from motion_detect_ros.core.detection.motion_field import MotionField
 from motion_detect_ros.core.detection.objects import ObjectFinder
 from motion_detect_ros.core.detection.photometric import ImagePair
 from motion_detect_ros.core.detection.segments import connected_segments
 from motion_detect_ros.core.geometry.frame_history import ReferenceFrame
 from motion_detect_ros.core.geometry.warp import at_scale
-from motion_detect_ros.core.types import FloatArray, PreparedFrame
+from motion_detect_ros.core.types import FloatArray, FlowField, PreparedFrame
 
 #: Area of a fragment, share of its object's; gap between the two, share of its size; difference of their velocities,
 #: share of the object's.
@@ -39,20 +40,21 @@ class MotionDetector:
         self._art2.reset()
 
     def candidates(
-        self, residual: FloatArray, background: Background, frame: PreparedFrame, reference: ReferenceFrame,
-        dt_s: float,
+        self, flow: FlowField, residual: FloatArray, background: Background, frame: PreparedFrame,
+        reference: ReferenceFrame, dt_s: float,
     ) -> list[Candidate]:
         """What moves against the background between ``reference`` and ``frame``.
 
-        residual: (gh, gw, 2) flow with the ego-motion taken out, full-resolution pixels, NaN = unknown; dt_s: since the
-        frame before.
+        flow: total flow between them; residual: (gh, gw, 2) the same with the ego-motion taken out, full-resolution
+        pixels, NaN = unknown; dt_s: since the frame before.
         """
         vectors = motion_vectors(residual, background)
         labels = self._art2.partial_fit(vectors.reshape(-1, 2), dt_s).reshape(vectors.shape[:2])
         segments = connected_segments(labels, self._art2.prototypes, self._join_match)
         field = MotionField(residual, background.behind(labels > 0), reference.seconds, frame.scale)
         pair = ImagePair(frame.gray, reference.gray, at_scale(reference.matrix, frame.scale), frame.mask)
-        return without_fragments(self._finder.find(segments, field, pair, self._art2.names))
+        found = without_fragments(self._finder.find(segments, field, pair, self._art2.names))
+        return with_growth(found, flow, field.object_flow, reference.seconds)
 
 
 def without_fragments(candidates: list[Candidate]) -> list[Candidate]:

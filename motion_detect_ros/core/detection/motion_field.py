@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numba
 import numpy as np
@@ -41,9 +42,15 @@ class MotionField:
         motion: FloatArray = _median_motion(self.residual, segment.rows, segment.columns)
         return motion * np.float32(self.scale)
 
+    @cached_property
+    def object_flow(self) -> FloatArray:
+        """(gh, gw, 2) motion against the background, full-resolution pixels, NaN = unknown."""
+        flow: FloatArray = self.residual - self.background.flow
+        return flow
+
     def object_motion_of(self, segment: Segment) -> FloatArray:
         """(2,) median motion of a segment against the background, working-resolution pixels."""
-        motion: FloatArray = _median_motion(self.residual - self.background.flow, segment.rows, segment.columns)
+        motion: FloatArray = _median_motion(self.object_flow, segment.rows, segment.columns)
         return motion * np.float32(self.scale)
 
     def object_motion(self, rows: slice, columns: slice) -> tuple[FloatArray, float, float]:

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from street import CAMERA, box_cells, flow, motion, street_depth
 
 from motion_detect_ros.core.background.planar import Background
+from motion_detect_ros.core.background.static_points import fit_static_scene
+from motion_detect_ros.core.config import BackgroundConfig, PipelineConfig
 from motion_detect_ros.core.detection.candidate import Candidate
-from motion_detect_ros.core.detection.detector import without_fragments
+from motion_detect_ros.core.detection.detector import MotionDetector, without_fragments
 from motion_detect_ros.core.detection.motion_field import MotionField
+from motion_detect_ros.core.detection.objects import ObjectFinder
+from motion_detect_ros.core.geometry.frame_history import ReferenceFrame
+from motion_detect_ros.core.types import FlowField, PreparedFrame
 
 
 def candidate(x: float, y: float, width: float, height: float, vx: float = 50.0, vy: float = 0.0) -> Candidate:
@@ -47,3 +53,29 @@ def test_known_share_around_a_window():
     # cut at the picture's edge: rows 0 to 7, columns 22 to 29, all known
     assert field.known_around(slice(0, 4), slice(26, 30)) == 1.0
     assert field.known_around(slice(0, 20), slice(0, 30)) == 0.0
+
+
+@pytest.mark.parametrize(('own_m', 'left_m'), [((0.4, 0.0, 0.0), 1.0), ((0.0, 0.0, 0.6), 0.4), ((0.0, 0.0, -1.0), 2.0)])
+def test_growth_before_a_background_in_space_is_that_of_the_objects_own_cells(
+    own_m: tuple[float, float, float], left_m: float, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A box 12 m ahead of a camera that drives 1 m a frame crosses, drives ahead, or comes: ``left_m`` closer."""
+    box = box_cells(70, 36, 84, 58)
+    moved = np.zeros((*box.shape, 3))
+    moved[box] = own_m
+    field = flow(np.where(box, 12.0, street_depth()), *motion((0.0, 0.01, 0.0), (0.05, 0.0, 1.0)), moved)
+    field += np.random.default_rng(0).normal(0.0, 0.05, field.shape).astype(np.float32)
+    scene = fit_static_scene(field, field, CAMERA, BackgroundConfig())
+    assert scene is not None
+    grey = np.zeros((CAMERA.height, CAMERA.width), np.uint8)
+
+    def on_the_box(_self: object, segments: object, grid: MotionField, *_: object) -> list[Candidate]:
+        velocity, _sigmas, _known = grid.object_motion(slice(36, 58), slice(70, 84))
+        return [Candidate(np.array([308.0, 188.0]), np.array([56.0, 88.0]), velocity / grid.seconds, 4928.0, 3.0, 1)]
+
+    monkeypatch.setattr(ObjectFinder, 'find', on_the_box)
+    found = MotionDetector(PipelineConfig()).candidates(
+        FlowField(field, CAMERA.width, CAMERA.height, 10 ** 8), field, scene.background,
+        PreparedFrame(grey, 1.0, CAMERA.width, CAMERA.height, 10 ** 8), ReferenceFrame(grey, np.eye(3), 0.1), 0.1)
+    assert found[0].growth is not None
+    assert found[0].growth.rate == pytest.approx(left_m / 12.0 / 0.1, rel=0.15)
