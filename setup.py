@@ -29,7 +29,7 @@ setup(
         'tqdm>=4.60',
     ],
     extras_require={
-        'compare': ['artlib>=0.1.7', 'scikit-learn>=1.3'],
+        'compare': ['artlib>=0.1.7', 'scikit-learn>=1.6'],
         'contrib': ['opencv-contrib-python-headless>=4.6'],
         'evaluation': ['trackeval>=1.3'],  # brings opencv-python: docs/accuracy.md says how to keep the headless one
         'onnx': ['onnxruntime>=1.16'],

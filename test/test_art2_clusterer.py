@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
+import inspect
+import subprocess
+import sys
+from typing import Any
+
 import numpy as np
 import pytest
 
-from motion_detect_ros.art2_clusterer import Art2Clusterer, NotFittedError
+from motion_detect_ros.art2_clusterer import Art2Clusterer
 from motion_detect_ros.core.clustering.art2 import make_art2
-from motion_detect_ros.core.clustering.art2_network import VectorsError
 from motion_detect_ros.core.config import Art2Config
 from motion_detect_ros.core.errors import ConfigError
+
+try:
+    from sklearn.utils.estimator_checks import parametrize_with_checks
+except ImportError:
+    parametrize_with_checks = None
 
 #: Two groups, one vector within the noise, one unknown.
 VECTORS = [[10.0, 0.0], [10.2, 0.0], [0.0, -8.0], [0.1, 0.0], [np.nan, 1.0]]
@@ -56,25 +66,59 @@ def test_parameters_are_those_of_the_settings():
     assert repr(clusterer) == "Art2Clusterer(variant='classic', vigilance=0.5)"
 
 
-@pytest.mark.parametrize('X', [[1.0, 2.0], np.zeros((2, 2, 2)), np.zeros((3, 0)), 5.0])
-def test_wrong_shapes(X):
-    with pytest.raises(VectorsError, match=r'X: expected shape \(N, D\), got \('):
+def test_every_setting_is_a_keyword_with_its_default():
+    keywords = {name: one.default for name, one in inspect.signature(Art2Clusterer).parameters.items()}
+    assert Art2Config(**keywords) == Art2Config() and len(keywords) == len(dataclasses.fields(Art2Config))
+
+
+def test_numbers_of_numpy_are_parameters():
+    clusterer = Art2Clusterer(vigilance=np.float64(0.4), initial_neurons=np.int64(1), learning_rate=np.float64(1.0))
+    assert clusterer.fit_predict(VECTORS).tolist() == [1, 1, 2, 0, -1]
+
+
+WITHOUT = """
+import sys
+sys.modules['sklearn'] = None
+from motion_detect_ros.art2_clusterer import Art2Clusterer
+clusterer = Art2Clusterer(vigilance=0.4, initial_neurons=1)
+print(clusterer.fit_predict([[10.0, 0.0], [10.2, 0.0], [0.0, -8.0], [0.1, 0.0], [float('nan'), 1.0]]).tolist())
+print(clusterer, clusterer.predict([[9.0, 1.0]]).tolist(), Art2Clusterer.__mro__[1].__module__)
+"""
+
+
+def test_it_works_without_scikit_learn():
+    done = subprocess.run([sys.executable, '-c', WITHOUT], capture_output=True, text=True, timeout=120, check=True)
+    assert done.stdout.splitlines() == [
+        '[1, 1, 2, 0, -1]', 'Art2Clusterer(vigilance=0.4, initial_neurons=1) [1] motion_detect_ros.plain_estimator']
+
+
+@pytest.mark.parametrize(('X', 'message'), [
+    ([1.0, 2.0], 'Expected 2D array, got 1D array instead'), (np.zeros((2, 2, 2)), 'Found array with dim 3'),
+    (5.0, 'Expected 2D array'),
+    (np.zeros((3, 0)), r'0 feature\(s\) \(shape=\(3, 0\)\) while a minimum of 1 is required'),
+    (np.zeros((0, 2)), r'0 sample\(s\) \(shape=\(0, 2\)\) while a minimum of 1 is required'),
+    (np.array([[1j, 2.0]]), 'Complex data not supported')])
+def test_wrong_data(X, message):
+    with pytest.raises(ValueError, match=message):
         Art2Clusterer().fit(X)
 
 
 def test_another_dimension_than_before():
     clusterer = Art2Clusterer().fit([[1.0, 2.0]])
     for call in (clusterer.predict, clusterer.partial_fit):
-        with pytest.raises(VectorsError, match=r'X: expected shape \(N, 2\), got \(1, 3\)'):
+        with pytest.raises(ValueError, match='X has 3 features, but Art2Clusterer is expecting 2 features as input'):
             call([[1.0, 2.0, 3.0]])
     assert clusterer.fit([[9.0, 9.0, 9.0]]).n_features_in_ == 3
 
 
 def test_errors_of_use():
-    with pytest.raises(NotFittedError, match='Art2Clusterer: expected fit or partial_fit before predict'):
+    with pytest.raises(ValueError, match='Art2Clusterer instance is not fitted yet') as caught:
         Art2Clusterer().predict([[1.0, 2.0]])
-    with pytest.raises(ConfigError, match="Art2Clusterer: expected some of variant, .*, got 'vigilanse'"):
+    assert type(caught.value).__name__ == 'NotFittedError'
+    with pytest.raises(TypeError, match="unexpected keyword argument 'vigilanse'"):
         Art2Clusterer(vigilanse=0.5)
+    with pytest.raises(ValueError, match=r"Invalid parameter 'vigilanse' for estimator Art2Clusterer\(\)"):
+        Art2Clusterer().set_params(vigilanse=0.5)
     with pytest.raises(ConfigError, match=r'vigilance: expected 0.0 to 1.0, got 2.0'):
         Art2Clusterer(vigilance=2.0).fit([[1.0, 2.0]])
     with pytest.raises(ConfigError, match=r'art2.initial_neurons: expected at most art2.max_neurons \(5\), got 15'):
@@ -86,7 +130,7 @@ def test_scikit_learn_clones_it():
     fitted = Art2Clusterer(vigilance=0.4, initial_neurons=3).fit(VECTORS)
     clone = base.clone(fitted)
     assert clone is not fitted and clone.get_params() == fitted.get_params()
-    with pytest.raises(NotFittedError):
+    with pytest.raises(ValueError, match='not fitted yet'):
         clone.predict(VECTORS)
 
 
@@ -111,3 +155,14 @@ def test_grid_search_turns_its_parameters():
         Art2Clusterer(initial_neurons=1), {'vigilance': [0.2, 0.95]}, cv=2,
         scoring=lambda estimator, X, y: adjusted_rand_score(y, estimator.predict(X)))
     assert search.fit(vectors, truth).best_params_ == {'vigilance': 0.95}
+
+
+if parametrize_with_checks is None:
+    @pytest.mark.skip(reason="scikit-learn is not installed: make test-extras has it")
+    def test_scikit_learns_own_checks():
+        pass
+else:
+    # At the default vigilance scikit-learn's standardised data are all within the noise; 0.6 tells its blobs apart.
+    @parametrize_with_checks([Art2Clusterer(vigilance=0.6)])
+    def test_scikit_learns_own_checks(estimator: Any, check: Any):
+        check(estimator)
