@@ -71,6 +71,11 @@ class ClipRun:
     frame_ms: float
 
     @property
+    def frames(self) -> int:
+        """How many the clip has; all are counted from ``skip`` on, labelled or not."""
+        return 1 + max(self.detections, default=-1)
+
+    @property
     def skip(self) -> int:
         """Frames at the start that are not counted."""
         return WARM_UP_FRAMES if len(self.detections) >= SHORT_FRAMES else SHORT_WARM_UP_FRAMES
@@ -82,7 +87,7 @@ class ClipRun:
     def scores(self, counting: str = 'moving') -> tuple[Score, ...]:
         """One for each IoU of ``IOUS``; counting: a key of ``COUNTINGS``."""
         truth, boxes = self.clip.read_truth(), self.boxes()
-        return tuple(score_boxes(truth, boxes, iou, COUNTINGS[counting], self.skip) for iou in IOUS)
+        return tuple(score_boxes(truth, boxes, iou, COUNTINGS[counting], self.skip, self.frames) for iou in IOUS)
 
 
 @dataclass(frozen=True)

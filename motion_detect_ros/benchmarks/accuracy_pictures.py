@@ -31,10 +31,9 @@ _CORNERS = np.array([[1, 0, 1, 0], [0, 1, 0, 1], [0, 0, 1, 0], [0, 0, 0, 1]], np
 def verdicts(run: ClipRun, counting: str, iou: float = IOUS[0]) -> dict[int, FrameVerdict]:
     """What became of every box of every counted frame; counting: a key of ``COUNTINGS``."""
     truth, boxes = run.clip.read_truth(), run.boxes()
-    last = int(truth['frame'].max(initial=-1))
     return {frame: judge_frame(truth[truth['frame'] == frame], boxes.get(frame, np.empty((0, 4))), iou,
                                COUNTINGS[counting])
-            for frame in range(run.skip, last + 1)}
+            for frame in range(run.skip, run.frames)}
 
 
 def worst_frames(errors: Mapping[int, int], wanted: int, apart: int) -> list[int]:

@@ -28,7 +28,7 @@ from motion_detect_ros.benchmarks.accuracy import add_run_arguments, read_change
 from motion_detect_ros.benchmarks.accuracy_clips import COUNTINGS, IOUS, ClipRun, Job, read_clips, run_jobs
 from motion_detect_ros.benchmarks.generated import replace_section
 from motion_detect_ros.cli.demo_table import boxes_of
-from motion_detect_ros.cli.metrics import boxes_of_truth, judge_frame, overlaps
+from motion_detect_ros.cli.metrics import boxes_of_truth, frame_count, judge_frame, overlaps
 from motion_detect_ros.core.errors import BackendError, MotionDetectError, SourceError
 from motion_detect_ros.core.types import RecordArray, empty_detections
 
@@ -56,9 +56,10 @@ def sequence(truth: RecordArray, detections: Mapping[int, RecordArray], skip: in
              ) -> dict[str, Any]:
     """Truth and detections as TrackEval's metrics want them: ids from 0 without gaps, a similarity matrix a frame.
 
-    truth: ``TRUTH_DTYPE``; detections: ``DETECTION_DTYPE`` by frame; skip: frames not counted.
+    truth: ``TRUTH_DTYPE``; detections: ``DETECTION_DTYPE`` by frame; skip: frames at the start not counted; the last
+    is the last of either.
     """
-    frames = range(skip, int(truth['frame'].max(initial=-1)) + 1)
+    frames = range(skip, frame_count(truth, detections))
     goals, found = [], []
     for frame in frames:
         records = detections.get(frame, empty_detections())

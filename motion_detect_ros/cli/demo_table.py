@@ -62,7 +62,7 @@ def without_small(truth: RecordArray) -> RecordArray:
 def score_rows(truth: RecordArray, run: Run) -> list[ScoreRow]:
     """Moving objects only, of all sizes and without the small ones; the first frames, which confirm, not counted."""
     boxes = {frame: boxes_of(records) for frame, records in run.records.items()}
-    return [ScoreRow(what, iou, score_boxes(wanted, boxes, iou, skip=WARM_UP_FRAMES))
+    return [ScoreRow(what, iou, score_boxes(wanted, boxes, iou, skip=WARM_UP_FRAMES, frames=len(run.stamps_ns)))
             for what, wanted in (('all', truth), ('32 x 32 px and larger', without_small(truth))) for iou in IOUS]
 
 

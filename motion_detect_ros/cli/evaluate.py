@@ -1,16 +1,23 @@
-"""``evaluate``: precision, recall and F1 of a detections.csv against ground truth."""
+"""``evaluate``: precision, recall and F1 of a detections.csv against ground truth.
+
+Counted are all frames of the replay, which its summary.json beside detections.csv tells, at least up to the last frame
+with truth or detections: where nothing is labelled, every box is false. ``--last-frame`` is for truth that ends before
+the pictures do.
+"""
 
 from __future__ import annotations
 
 import argparse
 import csv
 import json
+import operator
 from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
 
-from motion_detect_ros.cli.metrics import MOVING_AND_STANDING, MOVING_ONLY, Score, score_boxes
+from motion_detect_ros.cli.metrics import MOVING_AND_STANDING, MOVING_ONLY, Score, frame_count, score_boxes
+from motion_detect_ros.cli.outputs import CSV_NAME, SUMMARY_NAME
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import DoubleArray
 from motion_detect_ros.sources.truth import Truth, load_truth
@@ -28,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--truth', type=Path, required=True, help='VisDrone annotation, KITTI labels or CSV')
     parser.add_argument('--iou', type=float, nargs='+', default=list(DEFAULT_IOUS), help='overlaps that count as hit')
     parser.add_argument('--skip', type=int, default=WARM_UP_FRAMES, help='frames at the start not counted')
+    parser.add_argument('--last-frame', type=int, metavar='N', help='last frame counted (default: the last of all)')
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 
@@ -37,9 +45,14 @@ def run(arguments: argparse.Namespace) -> int:
         raise SourceError(f'--iou: expected numbers over 0 up to 1, got {" ".join(map(str, arguments.iou))}')
     if arguments.skip < 0:
         raise SourceError(f'--skip: expected 0 or more frames, got {arguments.skip}')
-    truth = load_truth(arguments.truth)
-    scores = evaluate(read_boxes(arguments.detections), truth, arguments.iou, arguments.skip)
-    counted = max(0, int(truth.boxes['frame'].max(initial=-1)) - arguments.skip + 1)
+    if arguments.last_frame is not None and arguments.last_frame < arguments.skip:
+        raise SourceError(f'--last-frame: expected {arguments.skip} (--skip) or later, got {arguments.last_frame}')
+    truth, found = load_truth(arguments.truth), read_boxes(arguments.detections)
+    frames = max(frame_count(truth.boxes, found), replayed_frames(arguments.detections))
+    if arguments.last_frame is not None:
+        frames = arguments.last_frame + 1
+    scores = evaluate(found, truth, arguments.iou, arguments.skip, frames)
+    counted = max(0, frames - arguments.skip)
     print(_as_json(scores, truth, counted) if arguments.json else _as_table(scores, truth, counted))
     return 0
 
@@ -62,15 +75,31 @@ def read_boxes(path: Path) -> dict[int, DoubleArray]:
     return {frame: np.array(boxes, np.float64) for frame, boxes in rows.items()}
 
 
+def replayed_frames(detections: Path) -> int:
+    """Frames of the replay that wrote ``detections``, unreadable ones included; 0 where it left no summary there.
+
+    Raises: SourceError where the summary does not say.
+    """
+    path = detections.with_name(SUMMARY_NAME)
+    if detections.name != CSV_NAME or not path.is_file():
+        return 0
+    try:
+        summary = json.loads(path.read_text(encoding='utf-8'))
+        return operator.index(summary['frames']) + operator.index(summary['bad_frames'])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        found = f'{type(error).__name__} {error}'
+        raise SourceError(f'{path}: expected counts frames and bad_frames, got {found}') from None
+
+
 def evaluate(
-    predictions: dict[int, DoubleArray], truth: Truth, ious: list[float], skip: int,
+    predictions: dict[int, DoubleArray], truth: Truth, ious: list[float], skip: int, frames: int | None = None,
 ) -> dict[str, Score]:
-    """Scores by name: ``moving@0.3`` wants what moves, ``all@0.3`` standing objects too.
+    """Scores by name: ``moving@0.3`` wants what moves, ``all@0.3`` standing objects too; frames as ``score_boxes``.
 
     Where truth does not say what moves, every object counts as moving and both are the same.
     """
     countings = {'moving': MOVING_ONLY, 'all': MOVING_AND_STANDING}
-    return {f'{name}@{iou:g}': score_boxes(truth.boxes, predictions, iou, wanted, skip)
+    return {f'{name}@{iou:g}': score_boxes(truth.boxes, predictions, iou, wanted, skip, frames)
             for name, wanted in countings.items() for iou in ious}
 
 

@@ -7,7 +7,7 @@ Predictions that match nothing and lie on a box that counts neither way are drop
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -120,14 +120,15 @@ def judge_frame(
 
 def score_boxes(
     truth: RecordArray, predictions: Mapping[int, DoubleArray], iou_threshold: float,
-    wanted: Sequence[int] = MOVING_ONLY, skip: int = 0,
+    wanted: Sequence[int] = MOVING_ONLY, skip: int = 0, frames: int | None = None,
 ) -> Score:
-    """Count hits and misses from frame ``skip`` to the last frame that has truth.
+    """Count hits and misses from frame ``skip`` to the last one.
 
     truth: ``TRUTH_DTYPE``; predictions: (N, 4) boxes x, y, w, h by frame; wanted: values of ``moving`` to be found,
     those with ``moving`` = -1 count neither way. Standing objects are false where only movers are wanted.
+    frames: how many the sequence has, the skipped ones included; unless given, up to the last truth or prediction.
     """
-    last = int(truth['frame'].max()) if len(truth) else -1
+    last = (frame_count(truth, predictions) if frames is None else frames) - 1
     hits = false = total = 0
     for frame in range(skip, last + 1):
         here = truth[truth['frame'] == frame]
@@ -136,6 +137,11 @@ def score_boxes(
         false += int((~verdict.hit & ~verdict.ignored).sum())
         total += len(verdict.wanted)
     return Score(hits, false, total, max(0, last - skip + 1))
+
+
+def frame_count(truth: RecordArray, predictions: Iterable[int]) -> int:
+    """Frames up to the last one with truth, or in ``predictions``."""
+    return 1 + max(int(truth['frame'].max(initial=-1)), max(predictions, default=-1))
 
 
 def boxes_of_truth(truth: RecordArray) -> DoubleArray:

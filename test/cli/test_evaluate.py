@@ -56,6 +56,48 @@ def test_table_says_which_counting(found: Path, tmp_path: Path, capsys: pytest.C
     assert lines[2].split() == ['moving@0.3', '0.000', '0.000', '0.000', '0', '3', '1', '1.00']
 
 
+def test_boxes_after_the_last_truth_are_false(
+    found: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    truth = tmp_path / 'a.csv'
+    truth.write_text('frame,id,x,y,w,h,moving\n10,1,10,20,30,40,1\n')
+    result = run_json(capsys, 'evaluate', str(found), '--truth', str(truth))
+    score = result['moving@0.5']
+    assert result['frames'] == 3
+    assert (score['true_positives'], score['false_positives'], score['gt']) == (1, 2, 1)  # type: ignore[index]
+    (tmp_path / 'summary.json').write_text('{"frames": 28, "bad_frames": 2}')  # of the replay: frames 0 to 29
+    result = run_json(capsys, 'evaluate', str(found), '--truth', str(truth))
+    assert (result['frames'], result['moving@0.5']['false_per_frame']) == (20, 0.1)  # type: ignore[index]
+    result = run_json(capsys, 'evaluate', str(found), '--truth', str(truth), '--last-frame', '10')
+    assert (result['frames'], result['moving@0.5']['false_positives']) == (1, 0)  # type: ignore[index]
+
+
+def test_last_frame_before_the_first_counted(
+    found: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / 'a.csv').write_text('frame,id,x,y,w,h,moving\n')
+    assert main(['evaluate', str(found), '--truth', str(tmp_path / 'a.csv'), '--last-frame', '9']) == 2
+    assert '--last-frame: expected 10 (--skip) or later, got 9' in capsys.readouterr().err
+
+
+def test_no_movers_at_all(found: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    truth = tmp_path / 'a.csv'
+    truth.write_text('frame,id,x,y,w,h,moving\n')
+    result = run_json(capsys, 'evaluate', str(found), '--truth', str(truth))
+    score = result['moving@0.3']
+    assert (score['false_positives'], score['gt'], score['false_per_frame']) == (3, 0, 1.0)  # type: ignore[index]
+
+
+@pytest.mark.parametrize('text', ['{', '[]', '{"frames": "many", "bad_frames": 0}', '{"bad_frames": 0}'])
+def test_summary_that_is_none(
+    found: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str,
+) -> None:
+    (tmp_path / 'a.csv').write_text('frame,id,x,y,w,h,moving\n10,1,10,20,30,40,1\n')
+    (tmp_path / 'summary.json').write_text(text)
+    assert main(['evaluate', str(found), '--truth', str(tmp_path / 'a.csv')]) == 2
+    assert 'summary.json: expected counts frames and bad_frames' in capsys.readouterr().err
+
+
 def test_inspect_finds_rates_and_gaps(tmp_path: Path) -> None:
     path = tmp_path / 'a.mcap'
     with BagWriter(path) as writer:

@@ -52,13 +52,27 @@ def test_counts_by_hand() -> None:
     truth = truth_of((0, 0, 0, 10, 10, 1), (1, 0, 0, 10, 10, 1), (1, 50, 50, 10, 10, 0), (2, 0, 0, 10, 10, 1))
     found = {0: SQUARE, 1: boxes((50, 50, 10, 10)), 5: SQUARE}
     moving = score_boxes(truth, found, 0.5)
-    # Hit in frame 0; the standing object of frame 1 is false; frame 2 missed; frame 5 has no truth and is not counted.
-    assert (moving.true_positives, moving.false_positives, moving.wanted, moving.frames) == (1, 1, 3, 3)
-    assert (moving.precision, moving.recall) == (0.5, 1 / 3)
-    assert moving.f1 == pytest.approx(0.4)
+    # Hit in frame 0; the standing object of frame 1 is false; frame 2 missed; the box of frame 5 is false, as nothing
+    # is labelled there.
+    assert (moving.true_positives, moving.false_positives, moving.wanted, moving.frames) == (1, 2, 3, 6)
+    assert (moving.precision, moving.recall) == (1 / 3, 1 / 3)
+    assert moving.f1 == pytest.approx(1 / 3)
     assert moving.false_per_frame == pytest.approx(1 / 3)
     both = score_boxes(truth, found, 0.5, MOVING_AND_STANDING)
-    assert (both.true_positives, both.false_positives, both.wanted) == (2, 0, 4)
+    assert (both.true_positives, both.false_positives, both.wanted) == (2, 1, 4)
+
+
+def test_given_frames_are_counted_whatever_is_in_them() -> None:
+    truth, found = truth_of((1, 0, 0, 10, 10, 1)), {1: SQUARE, 3: SQUARE}
+    cut, whole = score_boxes(truth, found, 0.5, frames=2), score_boxes(truth, found, 0.5, frames=10)
+    assert (cut.true_positives, cut.false_positives, cut.frames, cut.f1) == (1, 0, 2, 1.0)
+    assert (whole.true_positives, whole.false_positives, whole.frames) == (1, 1, 10)
+
+
+def test_a_clip_without_movers_is_not_perfect() -> None:
+    score = score_boxes(truth_of(), {4: SQUARE, 5: np.repeat(SQUARE, 2, axis=0)}, 0.3, frames=6)
+    assert (score.false_positives, score.wanted, score.frames, score.precision) == (3, 0, 6, 0.0)
+    assert score.false_per_frame == 0.5
 
 
 def test_skipped_frames_do_not_count() -> None:
