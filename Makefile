@@ -37,16 +37,17 @@ lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-# The tests of optional flow methods, TrackEval and scikit-learn, in an environment of their own: contrib replaces the OpenCV of .venv.
+# The tests of optional flow methods, TrackEval, scikit-learn and matplotlib, in an environment of their own: contrib
+# replaces the OpenCV of .venv.
 test-extras: $(EXTRAS)/.ready
 	$(EXTRAS)/bin/python -m pytest -p no:cacheprovider test/core/optical_flow/test_optical_flow.py \
 	  test/core/flow_methods/test_onnx_flow.py test/benchmarks/test_tracking.py \
-	  test/benchmarks/test_ablation.py test/test_art2_clusterer.py
+	  test/benchmarks/test_ablation.py test/benchmarks/test_figures.py test/test_art2_clusterer.py
 
 $(EXTRAS)/.ready: setup.py
 	$(PYTHON) -m venv $(EXTRAS)
 	$(EXTRAS)/bin/pip install --quiet --disable-pip-version-check \
-	  apsw mcap numba rosbags scipy PyYAML tqdm opencv-contrib-python-headless onnxruntime onnx 'scikit-learn>=1.6' \
+	  apsw mcap numba rosbags scipy PyYAML tqdm opencv-contrib-python-headless onnxruntime onnx 'scikit-learn>=1.6' matplotlib \
 	  hypothesis pytest pytest-timeout
 	$(EXTRAS)/bin/pip install --quiet --disable-pip-version-check --no-deps trackeval
 	@touch $@

@@ -33,6 +33,7 @@ setup(
         'contrib': ['opencv-contrib-python-headless>=4.6'],
         'evaluation': ['trackeval>=1.3'],  # brings opencv-python: docs/accuracy.md says how to keep the headless one
         'onnx': ['onnxruntime>=1.16'],
+        'plots': ['matplotlib>=3.8'],
         'ros': ['ros-jazzy-rclpy', 'ros-jazzy-common-interfaces', 'ros-jazzy-rmw-fastrtps-cpp'],
         'test': ['hypothesis', 'mypy', 'pytest', 'pytest-cov', 'pytest-timeout', 'ruff',
                  'types-PyYAML', 'types-tqdm'],

@@ -12,9 +12,10 @@ from typing import Any
 from tqdm import tqdm
 
 from motion_detect_ros.benchmarks import bench_curves, bench_stages
-from motion_detect_ros.benchmarks.bench_plot import draw_curve
+from motion_detect_ros.benchmarks.bench_plot import draw_curves
 from motion_detect_ros.benchmarks.bench_report import machine, markdown
 from motion_detect_ros.benchmarks.bench_timing import WARM_FRAMES
+from motion_detect_ros.benchmarks.figures import make_figure
 from motion_detect_ros.core.errors import BackendError, ConfigError
 
 #: Fewer frames than this have no percentiles.
@@ -34,14 +35,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--no-nodes', action='store_true', help='leave the nodes out, measure in this process only')
     parser.add_argument('--soak', type=Path, help='summary.json of benchmarks.soak, for the document')
     parser.add_argument('--json', type=Path, help='write the figures here too')
-    parser.add_argument('--markdown', type=Path, help='write the document here, pictures to images/ beside it')
+    parser.add_argument('--markdown', type=Path,
+                        help='write the document here, pictures to images/ beside it (needs the extra plots)')
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measure, print markdown, write what was asked for. Raises: ConfigError for a part that does not exist."""
+    """Measure, print markdown, write what was asked for.
+
+    Raises: ConfigError for a part that does not exist; BackendError where matplotlib is missing for the pictures.
+    """
     if arguments.frames < MIN_FRAMES:
         raise ConfigError(f'--frames: expected {MIN_FRAMES} or more, got {arguments.frames}')
     parts = chosen(arguments.parts, arguments.no_nodes)
+    if arguments.markdown and 'curves' in parts:
+        make_figure(1, 1)
     figures = {**_earlier(arguments), 'machine': machine(), 'preset': arguments.preset, 'frames': arguments.frames}
     if arguments.soak:
         figures['soak'] = _read(arguments.soak)
@@ -96,8 +103,7 @@ def _stages(arguments: argparse.Namespace) -> dict[str, Any]:
 def _curves(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     found = bench_curves.curves(arguments.preset)
     if arguments.markdown:
-        for curve in found:
-            draw_curve(curve, arguments.markdown.parent / 'images' / f'cost_{curve.name}.png')
+        draw_curves(found, arguments.markdown.parent / 'images')
     return [bench_curves.as_json(curve) for curve in found]
 
 

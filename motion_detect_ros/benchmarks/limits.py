@@ -24,11 +24,12 @@ import numpy as np
 from tqdm import tqdm
 
 from motion_detect_ros.benchmarks.accuracy import read_changes
+from motion_detect_ros.benchmarks.figures import make_figure, save
 from motion_detect_ros.benchmarks.generated import replace_section
-from motion_detect_ros.benchmarks.heat_map import HeatMap, draw_heat_map, side_by_side
+from motion_detect_ros.benchmarks.heat_map import HeatMap, heat_figure
 from motion_detect_ros.benchmarks.limits_flights import Cell, Found, fly
 from motion_detect_ros.core.config import PipelineConfig
-from motion_detect_ros.core.errors import BackendError, MotionDetectError
+from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.core.settings import with_settings
 from motion_detect_ros.core.types import DoubleArray
 
@@ -137,11 +138,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--seeds', type=int, default=2, metavar='N', help='flights a cell (default: 2)')
     parser.add_argument('--jobs', type=int, default=2, metavar='N', help='processes (default: 2)')
     parser.add_argument('--set', nargs='*', default=[], metavar='NAME=VALUE', help='settings on top of the default')
-    parser.add_argument('--picture', type=Path, metavar='FILE', help='draw the heat maps')
+    parser.add_argument('--picture', type=Path, metavar='FILE', help='draw the heat maps (needs the extra plots)')
     parser.add_argument('--write', type=Path, metavar='FILE', help='put the tables into this document, too')
     options = parser.parse_args(arguments)
     try:
         config = with_settings(PipelineConfig(), read_changes(options.set))
+        if options.picture:
+            make_figure(1, 1)
         recalls = measure(config, SIZES_PX, options.seeds, options.jobs)
         lines = _report(recalls)
         print('\n'.join(lines))
@@ -156,11 +159,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def draw(recalls: Sequence[DoubleArray], path: Path) -> None:
-    """All grids side by side. Raises: BackendError where the file cannot be written."""
-    maps = [draw_heat_map(HeatMap(grid.title, 'size, px', grid.axis.name, SIZES_PX, grid.axis.values, recall))
-            for grid, recall in zip(GRIDS, recalls, strict=True)]
-    if not cv2.imwrite(str(path), side_by_side(maps)):
-        raise BackendError(f'{path}: cannot be written')
+    """All grids side by side. Raises: BackendError where matplotlib is missing or the file cannot be written."""
+    save(heat_figure([HeatMap(grid.title, 'object size, px', grid.axis.name, SIZES_PX, grid.axis.values, recall)
+                      for grid, recall in zip(GRIDS, recalls, strict=True)]), path)
 
 
 def _report(recalls: Sequence[DoubleArray]) -> list[str]:

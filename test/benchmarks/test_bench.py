@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 import pytest
 
-from motion_detect_ros.benchmarks import bench, bench_curves, bench_plot, bench_report, bench_stages, bench_timing
-from motion_detect_ros.benchmarks.bench_curves import Curve, Point, slope
+from motion_detect_ros.benchmarks import bench, bench_curves, bench_report, bench_stages, bench_timing
+from motion_detect_ros.benchmarks.bench_curves import slope
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError, SourceError
 from motion_detect_ros.core.types import StageTimes
@@ -81,17 +81,6 @@ def test_as_many_cars_as_asked_for_none_on_another():
         places = {(round(car.x_m, 3), round(car.y_m, 3)) for car in cars}
         assert len(places) == count
         assert all(abs(car.x_m) < 50.0 and abs(car.y_m) < 28.0 for car in cars)
-
-
-def test_curve_is_drawn_where_its_points_are(tmp_path):
-    curve = Curve('pixels', 'megapixels', 'objects', [Point(x, {'total': 10.0 * x}, 3) for x in (0.0, 0.1, 1.0, 8.0)])
-    bench_plot.draw_curve(curve, tmp_path / 'images' / 'cost.png')
-    picture = cv2.imread(str(tmp_path / 'images' / 'cost.png'))
-    assert picture.shape == (bench_plot.HEIGHT, bench_plot.WIDTH, 3)
-    inner = picture[bench_plot.TOP + 3:bench_plot.HEIGHT - bench_plot.BOTTOM - 3,
-                    bench_plot.LEFT + 3:bench_plot.WIDTH - bench_plot.RIGHT - 3]
-    ys, xs = np.nonzero(inner.max(axis=2) < 60)  # a power law is a straight line on these axes
-    assert abs(np.corrcoef(xs, ys)[0, 1] + 1.0) < 0.001
 
 
 def test_parts_are_chosen_by_name():

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from motion_detect_ros.benchmarks import limits, limits_flights
-from motion_detect_ros.benchmarks.heat_map import CELL_PX, LEFT_PX, TOP_PX, HeatMap, color_of_share, draw_heat_map
 from motion_detect_ros.benchmarks.limits import GRIDS, SIZES_PX, Axis, Grid, markdown, reach, shares
 from motion_detect_ros.benchmarks.limits_flights import Cell, Found, fly, make_flight
 from motion_detect_ros.core.config import PipelineConfig
@@ -101,14 +100,3 @@ class TestArithmetic:
         grid = Grid('', Axis('speed_px', 'speed', (0.5, 2.0), 2.0), Cell(8, 1))
         assert markdown(grid, (8.0,), np.array([[0.125, np.nan]])) == [
             '| size, px; speed: | 0.5 | 2 |', '|---|---|---|', '| 8 | 12 | - |']
-
-
-def test_heat_map_has_its_first_row_at_the_bottom() -> None:
-    picture = draw_heat_map(HeatMap('t', 'r', 'c', (1, 2), (10, 20, 30), np.array([[0, 0.5, 1], [1, np.nan, 0.25]])))
-    corner = {(row, column): tuple(picture[TOP_PX + CELL_PX[1] * (1 - row) + 3, LEFT_PX + CELL_PX[0] * column + 3])
-              for row in range(2) for column in range(3)}
-    assert corner[0, 0] == color_of_share(0) and corner[0, 1] == color_of_share(0.5)
-    assert corner[0, 2] == corner[1, 0] == color_of_share(1)
-    assert corner[1, 1] == (255, 255, 255), 'empty'
-    brightness = [sum(color_of_share(share)) for share in np.linspace(0, 1, 21)]
-    assert brightness == sorted(brightness), 'more is lighter'
