@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -30,26 +29,29 @@ class Tile:
 def contact_sheet(tiles: Sequence[Tile], columns: int = COLUMNS, tile_width_px: int = TILE_WIDTH_PX) -> ByteArray:
     """The tiles row by row, each shrunk to ``tile_width_px`` with its aspect kept; (H, W, 3) uint8 BGR.
 
-    All tiles have the height of the first. Raises: FrameError where there is none, or where one has another shape.
+    Raises: FrameError where there is none, or where one has another shape than the others.
     """
     if not tiles:
         raise FrameError('contact sheet: expected at least one picture, got none')
     shapes = {tile.image.shape for tile in tiles}
     if len(shapes) > 1 or tiles[0].image.ndim != 3:
         raise FrameError(f'contact sheet: expected BGR pictures of one shape, got {sorted(shapes)}')
-    height, width = tiles[0].image.shape[:2]
-    tile_height_px = max(1, round(tile_width_px * height / width))
     columns = min(columns, len(tiles))
-    rows = math.ceil(len(tiles) / columns)
-    pitch_x, pitch_y = tile_width_px + GAP_PX, tile_height_px + CAPTION_PX + GAP_PX
-    sheet = np.full((rows * pitch_y + GAP_PX, columns * pitch_x + GAP_PX, 3), BACKGROUND_BGR, np.uint8)
-    for index, tile in enumerate(tiles):
-        left, top = GAP_PX + index % columns * pitch_x, GAP_PX + index // columns * pitch_y
-        picture = cv2.resize(tile.image, (tile_width_px, tile_height_px), interpolation=cv2.INTER_AREA)
-        sheet[top:top + tile_height_px, left:left + tile_width_px] = picture
-        caption_at = left, top + tile_height_px + CAPTION_PX - _BASELINE_PX
-        cv2.putText(sheet, tile.caption, caption_at, _FONT, _FONT_SCALE, INK_BGR, 1, cv2.LINE_AA)
-    return sheet
+    cells = [_cell(tile, tile_width_px) for tile in tiles]
+    cells += [np.full_like(cells[0], BACKGROUND_BGR)] * (-len(cells) % columns)
+    sheet = cv2.vconcat([cv2.hconcat(cells[row:row + columns]) for row in range(0, len(cells), columns)])
+    return cv2.copyMakeBorder(sheet, GAP_PX, 0, GAP_PX, 0, cv2.BORDER_CONSTANT, value=BACKGROUND_BGR)
+
+
+def _cell(tile: Tile, width_px: int) -> ByteArray:
+    """The thumbnail with its caption under it and the gap to its right and bottom."""
+    height, width = tile.image.shape[:2]
+    height_px = max(1, round(width_px * height / width))
+    small = cv2.resize(tile.image, (width_px, height_px), interpolation=cv2.INTER_AREA)
+    cell = cv2.copyMakeBorder(
+        small, 0, CAPTION_PX + GAP_PX, 0, GAP_PX, cv2.BORDER_CONSTANT, value=BACKGROUND_BGR)
+    return cv2.putText(cell, tile.caption, (0, height_px + CAPTION_PX - _BASELINE_PX), _FONT, _FONT_SCALE, INK_BGR, 1,
+                       cv2.LINE_AA)
 
 
 def spread_over(count: int, wanted: int) -> list[int]:
