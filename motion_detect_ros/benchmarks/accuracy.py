@@ -1,13 +1,13 @@
 """All real clips through the detector, scored against their truth: the table of docs/accuracy.md.
 
-    python -m motion_detect_ros.benchmarks.accuracy [CLIP ...] [--data DIR] [--set NAME=VALUE ...] [--jobs N]
-        [--all-objects] [--record NAME] [--against NAME] [--pictures DIR] [--write docs/accuracy.md]
+    python -m motion_detect_ros.benchmarks.accuracy [CLIP ...] [--data DIR] [--preset NAME] [--set NAME=VALUE ...]
+        [--jobs N] [--all-objects] [--record NAME] [--against NAME] [--pictures DIR] [--write docs/accuracy.md]
     python -m motion_detect_ros.benchmarks.accuracy --floors test/floors.json [--renew]
 
 ``--data`` (default: the variable MOTION_DETECT_DATA, else ../shared/data) holds ``clips.json``: for each clip the
-folder of frames, the truth file, the frame rate and the preset of its family. Changes in brackets are against the last
-run recorded in ``--records`` (docs/accuracy.json). With ``--floors`` only the part of the clips that the file names is
-run; exit code 1 where an F1 is under its floor.
+folder of frames, the truth file, the frame rate and the preset of its family, which ``--preset`` overrides. Changes
+in brackets are against the last run recorded in ``--records`` (docs/accuracy.json). With ``--floors`` only the part of
+the clips that the file names is run; exit code 1 where an F1 is under its floor.
 """
 
 from __future__ import annotations
@@ -16,12 +16,20 @@ import argparse
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from motion_detect_ros.benchmarks.accuracy_clips import DATA_DEFAULT, DATA_VARIABLE, Job, read_clips, run_jobs
+from motion_detect_ros.benchmarks.accuracy_clips import (
+    DATA_DEFAULT,
+    DATA_VARIABLE,
+    Clip,
+    Job,
+    read_clips,
+    run_jobs,
+)
 from motion_detect_ros.benchmarks.accuracy_floors import floor_clips, read_floors, renewed, write_floors
 from motion_detect_ros.benchmarks.accuracy_pictures import write_sheets
 from motion_detect_ros.benchmarks.accuracy_record import (
@@ -34,6 +42,7 @@ from motion_detect_ros.benchmarks.accuracy_record import (
 from motion_detect_ros.benchmarks.accuracy_table import table
 from motion_detect_ros.benchmarks.generated import replace_section
 from motion_detect_ros.core.errors import MotionDetectError, SourceError
+from motion_detect_ros.presets import load_preset
 
 RECORDS = Path(__file__).resolve().parents[2] / 'docs' / 'accuracy.json'
 #: Sections of a document that ``--write`` fills, by counting.
@@ -56,6 +65,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog='accuracy', description='All real clips, scored.')
     parser.add_argument('clips', nargs='*', help='names of clips (default: all)')
     add_run_arguments(parser)
+    parser.add_argument('--preset', metavar='NAME', help='name or YAML file, for all clips (default: each its own)')
     parser.add_argument('--set', nargs='*', default=[], metavar='NAME=VALUE', help='settings on top of the presets')
     parser.add_argument('--all-objects', action='store_true', help='want every labelled object, moving or not')
     parser.add_argument('--records', type=Path, default=RECORDS, metavar='FILE', help='JSON file of recorded runs')
@@ -86,12 +96,21 @@ def read_changes(texts: Sequence[str]) -> dict[str, Any]:
     return changes
 
 
+def with_preset(clips: Sequence[Clip], preset: str | None) -> list[Clip]:
+    """The clips, all with this preset unless it is None. Raises: ConfigError for an unknown one."""
+    if preset is None:
+        return list(clips)
+    load_preset(preset)
+    return [replace(clip, preset=preset) for clip in clips]
+
+
 def _measure(options: argparse.Namespace, changes: Mapping[str, Any]) -> int:
     records = read_records(options.records)
     before = record_named(records, options.against)
-    jobs = [Job(clip, changes) for clip in read_clips(options.data, options.clips)]
+    jobs = [Job(clip, changes) for clip in with_preset(read_clips(options.data, options.clips), options.preset)]
     runs = list(run_jobs(jobs, options.jobs))
-    record = make_record(options.record or 'this run', runs, changes)
+    settings = {'preset': options.preset, **changes} if options.preset else changes
+    record = make_record(options.record or 'this run', runs, settings)
     counting = 'all' if options.all_objects else 'moving'
     print('\n'.join(table(record, before, counting)))
     if before:
@@ -108,7 +127,8 @@ def _measure(options: argparse.Namespace, changes: Mapping[str, Any]) -> int:
 
 def _guard(options: argparse.Namespace, changes: Mapping[str, Any]) -> int:
     floors = read_floors(options.floors)
-    runs = list(run_jobs([Job(clip, changes) for clip in floor_clips(options.data, floors)], options.jobs))
+    clips = with_preset(floor_clips(options.data, floors), options.preset)
+    runs = list(run_jobs([Job(clip, changes) for clip in clips], options.jobs))
     if options.renew:
         write_floors(options.floors, renewed(floors, runs))
         return 0

@@ -85,6 +85,13 @@ class TestRun:
         assert sorted(short.detections) == [0, 1, 2, 3, 4]
         assert short.scores()[0].wanted == 3
 
+    def test_frames_after_the_last_truth_are_counted(self, made: Path, run: ClipRun, tmp_path: Path) -> None:
+        write_truth(tmp_path / 'start.csv', run.clip.read_truth()[:1])  # frame 0, which warm-up leaves out
+        early = dataclasses.replace(run, clip=dataclasses.replace(run.clip, truth=tmp_path / 'start.csv'))
+        score = early.scores()[0]
+        assert (score.frames, score.wanted) == (FRAMES - 2, 0)
+        assert score.false_positives == sum(len(found) for frame, found in run.detections.items() if frame >= 2) > 0
+
     def test_settings_reach_the_pipeline(self, made: Path) -> None:
         blind = run_clip(Job(read_clips(made)[0], {'objects.min_side_px': 200.0}))
         assert sum(map(len, blind.detections.values())) == 0
@@ -106,6 +113,20 @@ class TestCommand:
         assert blind.clips['made_moves'].countings['all'] == Figures(0, 0, 0, 0, 0)
         assert accuracy.main([*base, '--against', 'nobody']) == 2
         assert "expected the name of a recorded run (first, blind), got 'nobody'" in capsys.readouterr().err
+
+    def test_preset_for_all_clips(
+        self, made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        records, preset = tmp_path / 'runs.json', tmp_path / 'blind.yaml'
+        preset.write_text('/**:\n  ros__parameters:\n    objects:\n      min_side_px: 200.0\n')
+        base = ['made_moves', '--data', str(made), '--records', str(records), '--jobs', '1', '--preset']
+        assert accuracy.main([*base, str(preset), '--record', 'blind']) == 0
+        (blind,) = read_records(records)
+        assert blind.clips['made_moves'].countings['moving'].recall == 0.0
+        assert blind.settings == {'preset': str(preset)}
+        capsys.readouterr()
+        assert accuracy.main([*base, 'nobody']) == 2
+        assert 'nobody: expected a preset' in capsys.readouterr().err
 
     def test_all_objects_wants_what_stands(
             self, made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
