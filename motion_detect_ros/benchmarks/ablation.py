@@ -1,9 +1,10 @@
-"""What each part of the detector is worth: every part off in turn, on all real clips.
+"""What each part of the detector is worth: every part off in turn, or another in its place, on all real clips.
 
     python -m motion_detect_ros.benchmarks.ablation [PART ...] [--data DIR] [--jobs N] [--write docs/accuracy.md]
         [--list]
 
 Prints a markdown table: mean F1 over the clips and false boxes a frame, each with its change against the presets.
+Rows with DBSCAN and k-means need scikit-learn (the extra ``compare``) and are left out without, with a note.
 """
 
 from __future__ import annotations
@@ -16,12 +17,13 @@ from itertools import islice
 from pathlib import Path
 
 from motion_detect_ros.benchmarks.accuracy import add_run_arguments
-from motion_detect_ros.benchmarks.accuracy_clips import ClipRun, Job, read_clips, run_jobs
+from motion_detect_ros.benchmarks.accuracy_clips import Clip, ClipRun, Job, in_processes, read_clips, run_clip
 from motion_detect_ros.benchmarks.accuracy_record import Figures
 from motion_detect_ros.benchmarks.accuracy_table import change
 from motion_detect_ros.benchmarks.generated import replace_section
+from motion_detect_ros.benchmarks.substitutes import DBSCAN, KMEANS, ONE_CLUSTER, Choice, Substitute, run_choices
 from motion_detect_ros.core.config import PipelineConfig
-from motion_detect_ros.core.errors import MotionDetectError, SourceError
+from motion_detect_ros.core.errors import BackendError, MotionDetectError, SourceError
 from motion_detect_ros.core.settings import Scalar, with_settings
 
 #: The whole detector, as the presets have it.
@@ -31,11 +33,15 @@ SECTION = 'ablation'
 
 @dataclass(frozen=True)
 class Part:
-    """One part and the settings that take it out; ``note`` where they only come near to that."""
+    """One part and the settings that take it out; ``note`` where they only come near to that.
+
+    ``substitute``: what clusters in ART2's place.
+    """
 
     name: str
     off: Mapping[str, Scalar]
     note: str = ''
+    substitute: Substitute | None = None
 
 
 #: With nothing to confirm, a track is reported at its first detection.
@@ -54,24 +60,29 @@ PARTS = (
     Part('noise share of the camera-caused flow', {
         'background.noise_share': 0.0, 'background.depth_noise_share': 0.0}),
     Part('least noise of the flow', {'background.noise_floor_px': 0.01}),
-    Part('ART2: one cluster for all motions', {'art2.vigilance': 0.0, 'art2.initial_neurons': 1,
-                                               'art2.max_neurons': 2}),
+    Part('ART2: one neuron beside the background', {'art2.initial_neurons': 2, 'art2.max_neurons': 2},
+         'what it matches worse than the background does stays background'),
+    Part('ART2: all that moves is one cluster', {}, substitute=Substitute(ONE_CLUSTER)),
+    Part('ART2: DBSCAN in its place', {}, substitute=Substitute(DBSCAN, {'eps': 2.0, 'min_samples': 10})),
+    Part('ART2: k-means in its place', {}, substitute=Substitute(KMEANS, {'n_clusters': 25})),
+    Part('ART2: the classic variant in its place', {
+        'art2.variant': 'classic', 'art2.vigilance': 0.95, 'art2.background_sigma': 4.0}),
     Part('joining of neighbouring clusters', {'objects.join_match': 1.0}),
     Part('joining of patches', {'objects.join_gap_share': 0.0}),
-    Part('image evidence', {'objects.photometric_sigma': 0.1}, 'any gain at all is enough'),
+    Part('photometric test', {'objects.photometric_sigma': 0.1}, 'any gain at all is enough'),
     Part('pixels near the strongest gain only', {'objects.peak_share': 0.0}),
     Part('closing of gaps', {'objects.closing_px': 1}),
     Part('least fill of a box', {'objects.min_fill': 0.0}),
-    Part('summed evidence of tracks', {'tracks.confirm_log_odds': -100.0, 'tracks.show_log_odds': -100.0}),
-    Part('confirmation by hits', {'tracks.confirm_s': 0.0}),
+    Part('log odds of tracks', {'tracks.confirm_log_odds': -100.0, 'tracks.show_log_odds': -100.0}),
+    Part('confirmation by time', {'tracks.confirm_s': 0.0}),
     Part('all confirmation', AT_ONCE),
     Part('coasting', {'tracks.coast_s': 0.0}),
-    Part('mask of burnt-in text', {'preprocessing.ignore_top_px': 0}),
+    Part('mask of on-screen text', {'preprocessing.ignore_top_px': 0}),
 )
 #: What no setting takes out.
 WITHOUT_SWITCH = (
     'the noise measured in every frame (flow and image)', 'the fill of the background behind objects',
-    'the test for ghosts in the image evidence', 'the smooth correction of the planar background',
+    'the test for ghosts in the photometric test', 'the smooth correction of the planar background',
     'the prediction of tracks through the ego-motion')
 
 
@@ -82,8 +93,9 @@ def rows(parts: Sequence[Part], means: Iterable[Figures]) -> Iterator[str]:
     yield from ('| without | F1 at 0.3 | F1 at 0.5 | precision | recall | false boxes a frame | settings |',
                 '|---|---|---|---|---|---|---|', _row(WHOLE, whole, whole, ''))
     for part, mean in zip(parts, figures, strict=True):
-        settings = ', '.join(f'`{name}={value}`' for name, value in part.off.items())
-        yield _row(part.name, mean, whole, settings + (f' ({part.note})' if part.note else ''))
+        settings = [f'`{name}={value}`' for name, value in part.off.items()]
+        settings += [f'`{part.substitute}`'] if part.substitute else []
+        yield _row(part.name, mean, whole, ', '.join(settings) + (f' ({part.note})' if part.note else ''))
 
 
 def means_of(runs: Iterable[ClipRun], clips: int) -> Iterator[Figures]:
@@ -93,10 +105,30 @@ def means_of(runs: Iterable[ClipRun], clips: int) -> Iterator[Figures]:
         yield Figures.mean([Figures.of(run, 'moving') for run in group])
 
 
-def jobs_of(parts: Sequence[Part], data: Path, clips: Sequence[str] = ()) -> list[Job]:
+def tasks_of(parts: Sequence[Part], data: Path, clips: Sequence[str] = ()) -> list[tuple[Clip, Part]]:
     """All clips with the presets, then all clips without the first part, and so on."""
-    chosen = read_clips(data, clips)
-    return [Job(clip, off) for off in ({}, *(part.off for part in parts)) for clip in chosen]
+    return [(clip, part) for part in (Part(WHOLE, {}), *parts) for clip in read_clips(data, clips)]
+
+
+def run_task(task: tuple[Clip, Part]) -> ClipRun:
+    """One clip without one part."""
+    clip, part = task
+    if part.substitute is None:
+        return run_clip(Job(clip, part.off))
+    return run_choices(clip, [Choice(part.off, part.substitute)])[0]
+
+
+def available(parts: Sequence[Part]) -> tuple[list[Part], list[str]]:
+    """The parts whose substitutes are installed, and a line for each other."""
+    found, missing = [], []
+    for part in parts:
+        try:
+            if part.substitute:
+                part.substitute.require()
+            found.append(part)
+        except BackendError as error:
+            missing.append(f'Left out: {part.name}: {error}.')
+    return found, missing
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -112,14 +144,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print('\n'.join(part.name for part in PARTS))
         return 0
     try:
-        parts = _chosen(options.parts)
-        jobs = jobs_of(parts, options.data, options.clips)
+        parts, missing = available(_chosen(options.parts))
+        tasks = tasks_of(parts, options.data, options.clips)
+        runs = in_processes(run_task, tasks, options.jobs)
         lines = []
-        for line in rows(parts, means_of(run_jobs(jobs, options.jobs), len(jobs) // (len(parts) + 1))):
+        for line in rows(parts, means_of(runs, len(tasks) // (len(parts) + 1))):
             print(line, flush=True)
             lines.append(line)
-        lines += ['', f'No setting takes out: {"; ".join(WITHOUT_SWITCH)}.']
-        print('\n'.join(lines[-2:]))
+        after = ['', f'No setting takes out: {"; ".join(WITHOUT_SWITCH)}.', *missing]
+        print('\n'.join(after))
+        lines += after
         if options.write:
             replace_section(options.write, SECTION, lines)
     except MotionDetectError as error:

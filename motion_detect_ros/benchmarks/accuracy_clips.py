@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import multiprocessing
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
@@ -26,7 +26,10 @@ from motion_detect_ros.sources.frames import FrameSource
 from motion_detect_ros.sources.opening import open_source
 from motion_detect_ros.sources.truth import read_truth
 
-#: Says where the clips are, and where they are looked for without it.
+Task = TypeVar('Task')
+Outcome = TypeVar('Outcome')
+
+#: Environment variable with the folder of the clips, and the folder where it is not set.
 DATA_VARIABLE, DATA_DEFAULT = 'MOTION_DETECT_DATA', '../shared/data'
 IOUS = (0.3, 0.5)
 #: What is wanted: moving objects only, or every labelled object.
@@ -125,10 +128,15 @@ def run_clip(job: Job) -> ClipRun:
 
 
 def run_jobs(jobs: Sequence[Job], processes: int) -> Iterator[ClipRun]:
-    """The runs in the order of the jobs, in ``processes`` processes of one OpenCV thread each."""
+    """The runs in the order of the jobs: see ``in_processes``."""
+    yield from in_processes(run_clip, jobs, processes)
+
+
+def in_processes(run: Callable[[Task], Outcome], tasks: Sequence[Task], processes: int) -> Iterator[Outcome]:
+    """``run`` of every task, in their order, in ``processes`` processes of one OpenCV thread each."""
     if processes <= 1:
-        yield from tqdm(map(run_clip, jobs), total=len(jobs), unit='clip', disable=None)
+        yield from tqdm(map(run, tasks), total=len(tasks), unit='run', disable=None)
         return
     context = multiprocessing.get_context('spawn')
     with ProcessPoolExecutor(processes, context, cv2.setNumThreads, (1,)) as pool:
-        yield from tqdm(pool.map(run_clip, jobs), total=len(jobs), unit='clip', disable=None)
+        yield from tqdm(pool.map(run, tasks), total=len(tasks), unit='run', disable=None)

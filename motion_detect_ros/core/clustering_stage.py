@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from motion_detect_ros.core.background.selection import BackgroundSelector
+from motion_detect_ros.core.clustering.clusterer import Clusterer
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.detector import MotionDetector
@@ -29,13 +30,18 @@ STARTS_ANEW = (EgoStatus.FIRST_FRAME, EgoStatus.TIME_JUMP, EgoStatus.SIZE_CHANGE
 
 
 class ClusteringStage:
-    """Tells moving objects from background in one frame's flow and follows them over frames."""
+    """Tells moving objects from background in one frame's flow and follows them over frames.
 
-    def __init__(self, config: PipelineConfig, camera: CameraModel | None = None) -> None:
+    clusterer: in the place of the ART2 that ``config`` describes.
+    """
+
+    def __init__(
+        self, config: PipelineConfig, camera: CameraModel | None = None, clusterer: Clusterer | None = None,
+    ) -> None:
         self._config = config
         self.camera = camera
         self._scene = BackgroundSelector(config.background)
-        self._detector = MotionDetector(config)
+        self._detector = MotionDetector(config, clusterer)
         self._tracker = Tracker(config.tracks)
         self._last: PreparedFrame | None = None
 

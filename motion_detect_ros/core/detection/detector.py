@@ -6,6 +6,7 @@ import numpy as np
 
 from motion_detect_ros.core.background.planar import Background, motion_vectors
 from motion_detect_ros.core.clustering.art2 import make_art2
+from motion_detect_ros.core.clustering.clusterer import Clusterer
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.expansion import with_growth
@@ -23,21 +24,21 @@ FRAGMENT_SHARE, BESIDE_SHARE, ALIKE_SHARE = 0.2, 0.3, 0.5
 
 
 class MotionDetector:
-    """Holds the ART2 memory of one kind of flow."""
+    """Holds the ART2 memory of one kind of flow, or another clusterer in its place."""
 
-    def __init__(self, config: PipelineConfig) -> None:
+    def __init__(self, config: PipelineConfig, clusterer: Clusterer | None = None) -> None:
         self._join_match = config.objects.join_match
-        self._art2 = make_art2(config.art2)
+        self._clusterer = clusterer or make_art2(config.art2)
         self._finder = ObjectFinder(config.objects)
 
     @property
     def neurons(self) -> int:
-        """Committed ART2 neurons, the background's included."""
-        return len(self._art2.prototypes)
+        """Committed neurons, the background's included."""
+        return len(self._clusterer.prototypes)
 
     def reset(self) -> None:
         """Forget the neurons."""
-        self._art2.reset()
+        self._clusterer.reset()
 
     def candidates(
         self, flow: FlowField, residual: FloatArray, background: Background, frame: PreparedFrame,
@@ -49,11 +50,11 @@ class MotionDetector:
         pixels, NaN = unknown; dt_s: since the frame before.
         """
         vectors = motion_vectors(residual, background)
-        labels = self._art2.partial_fit(vectors.reshape(-1, 2), dt_s).reshape(vectors.shape[:2])
-        segments = connected_segments(labels, self._art2.prototypes, self._join_match)
+        labels = self._clusterer.partial_fit(vectors.reshape(-1, 2), dt_s).reshape(vectors.shape[:2])
+        segments = connected_segments(labels, self._clusterer.prototypes, self._join_match)
         field = MotionField(residual, background.behind(labels > 0), reference.seconds, frame.scale)
         pair = ImagePair(frame.gray, reference.gray, at_scale(reference.matrix, frame.scale), frame.mask)
-        found = without_fragments(self._finder.find(segments, field, pair, self._art2.names))
+        found = without_fragments(self._finder.find(segments, field, pair, self._clusterer.names))
         return with_growth(found, flow, field.object_flow, reference.seconds)
 
 
