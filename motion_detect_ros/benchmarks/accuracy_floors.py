@@ -50,7 +50,7 @@ def read_floors(path: Path) -> list[Floor]:
 
 
 def floor_clips(data: Path, floors: Sequence[Floor]) -> list[Clip]:
-    """The part of the clips that the floors speak of, in their order."""
+    """The part of the clips that the floors name, in their order."""
     return [dataclasses.replace(read_clips(data, [floor.clip])[0], limit=floor.frames) for floor in floors]
 
 

@@ -5,7 +5,7 @@
 The flights go over the town with six boxes that move in three directions, at two speeds each. Every clusterer gets the
 same (N, 2) vectors, motion against the background in units of its noise, a fresh start for each frame, and of its
 twelve choices the one that does best on the flights of the tuning seeds; figures are those on the other seeds. No two
-boxes move alike: what moves alike is one cluster to all of them, connected cells tell it apart later. Index: adjusted
+boxes move alike: what moves alike is one cluster to all of them, connected components split it later. Index: adjusted
 Rand index (Hubert and Arabie 1985) against the object that each vector belongs to, all background being one; movers:
 the same of the vectors of moving objects alone. The mean of both decides. Noise that a clusterer finds is one cluster.
 What is not installed is left out with a note: ``pip install 'motion_detect_ros[compare]'``.
@@ -201,18 +201,18 @@ def table(rows: Sequence[Row]) -> list[str]:
 
 def compare(
     clusterers: Sequence[Clusterer], tuning: Sequence[LabelledVectors], frames: Sequence[LabelledVectors],
-    say: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> list[Row]:
-    """A row for each that is installed, best score first; ``say`` hears what is left out."""
+    """A row for each that is installed, best score first; ``report`` gets a line for each, and for what is left out."""
     rows = []
     for clusterer in clusterers:
         try:
             clusterer.require()
         except BackendError as error:
-            say(f'left out: {error}')
+            report(f'left out: {error}')
             continue
         rows.append(measure(clusterer, tuning, frames))
-        say(table(rows)[-1])
+        report(table(rows)[-1])
     return sorted(rows, key=lambda row: -row.score)
 
 

@@ -64,7 +64,7 @@ class NodeProcesses:
                 raise SourceError(f'{node}: ended with exit code {process.poll()}: {printed}')
 
     def memory_mb(self, node: str) -> float:
-        """Resident memory of a node, megabytes. Raises: SourceError where the system does not tell."""
+        """Resident memory of a node, megabytes. Raises: SourceError where the system does not provide it."""
         return resident_mb(self._running[node].pid)
 
     def cpu_s(self, node: str) -> float:
@@ -74,7 +74,7 @@ class NodeProcesses:
 
 
 def resident_mb(pid: int) -> float:
-    """Resident memory of a process, megabytes. Raises: SourceError where the system does not tell."""
+    """Resident memory of a process, megabytes. Raises: SourceError where the system does not provide it."""
     try:
         status = Path(f'/proc/{pid}/status').read_text(encoding='ascii')
     except OSError as error:

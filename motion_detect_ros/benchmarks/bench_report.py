@@ -30,26 +30,26 @@ which other load on the machine hardly changes. Median / 95th percentile, ms.'''
     'reported': '''The two tables of the report this project implements (its figures: with a graphics card) and ours,
 CPU only, on flights of the same image size with the preset of that name. Medians, ms.''',
     'floor': '''The whole pipeline against the OpenCV calls it cannot do without, at the same settings, called plainly,
-one after the other: grey and working size, corners at full resolution, Lucas-Kanade over the whole pyramid there and
-back, warp, DIS both ways. The pipeline saves on corners and tracking and runs both ways of the flow at once, so the
-ratio may come near 1.''',
+one after the other: grey and working size, corners at full resolution, Lucas-Kanade over the whole pyramid forward and
+backward, warp, DIS forward and backward. The pipeline saves on corners and tracking and runs both directions of
+the flow in parallel, so the ratio may come near 1.''',
     'background': '''The same pipeline with a background in three dimensions (`background.model: epipolar`) and a planar
 one.''',
     'curves': '''What a frame costs as its content grows. `x^b`: least squares of log time on log x. Objects: small
 cars on 1600x900. Neurons: ART2 alone on 30000 vectors. Cells: `grid_px` 16 to 2 on the built-in flight. Processor: all
 threads together, which other load hardly changes.''',
-    'codec': '''A 1280x720 bgr8 image to a message and back. The way back is a view of the bytes; other encodings are
+    'codec': '''A 1280x720 bgr8 image to a message and back. Reading is a view of the bytes; other encodings are
 converted, which takes longer.''',
     'transport': '''From the stamp of a 960x540 picture, taken just before it is published, to its detections in the
 process that published it. Compute: sum of the medians that the nodes report themselves; beyond: what is left of the
 median latency, waiting for a busy stage included. All processes share the cores. Fast DDS profile and allocator
 settings as shipped (`bridge/transport.py`, `allocator.py`).''',
     'start': '''From the start of the process `pipeline` to its first message, while pictures come, and its memory
-then. The process that compiles the kernels, the first after an installation, keeps the compiler's memory for good.''',
+then. The process that compiles the kernels, the first after an installation, keeps the compiler's memory.''',
     'memory': 'Resident memory of `pipeline`, fed with 960x540 at 20 Hz.',
     'soak': '''`python -m motion_detect_ros.benchmarks.soak --minutes 30 -o out/soak`, put here by `bench --soak
 out/soak/summary.json`: `pipeline` under a steady stream of 960x540 at 20 Hz. Memory after the first quarter and at the
-end; dropped: by the node, which says so; lost: on the way.''',
+end; dropped: by the node, as its diagnostics count; lost: in transport.''',
 }
 
 

@@ -90,8 +90,8 @@ def interleaved(steps: Sequence[Step], frames: int, warm_frames: int = WARM_FRAM
 class OpenCvFloor:
     """The OpenCV calls that no pipeline of this kind can do without, at the settings of a preset.
 
-    Grey and working size, corners, pyramidal Lucas-Kanade there and back, the warp of the earlier frame, dense flow
-    both ways. matrices: (3, 3) of each frame, previous pixel -> current pixel, full resolution.
+    Grey and working size, corners, pyramidal Lucas-Kanade forward and backward, the warp of the earlier frame, dense
+    flow forward and backward. matrices: (3, 3) of each frame, previous pixel -> current pixel, full resolution.
     """
 
     def __init__(self, config: PipelineConfig, frames: Frames, matrices: Sequence[DoubleArray]) -> None:

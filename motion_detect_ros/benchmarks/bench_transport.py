@@ -39,7 +39,7 @@ class Latency:
     """From the picture's stamp to its detections over DDS.
 
     ``compute_ms``: sum of the nodes' own medians (decode, stage, publish); ``beyond_ms``: median latency less that;
-    ``lost``: pictures without an answer, of ``images``.
+    ``lost``: pictures without detections, of ``images``.
     """
 
     timing: Timing
@@ -94,7 +94,7 @@ def _one_graph(preset: str, name: str, frames: int, rate_hz: float) -> Latency:
 
 
 def feed(feeder: Feeder, processes: NodeProcesses, frames: int) -> list[Answer]:
-    """Feed so many pictures more; the answers to them."""
+    """Feed so many pictures more; their detections."""
     before = feeder.sent
     feeder.go()
     await_that(partial(_sent, feeder, before + frames), processes, START_TIMEOUT_S + frames)
@@ -113,7 +113,7 @@ def _latency(name: str, answers: list[Answer], images: int, rate_hz: float, comp
 
 
 def settle(feeder: Feeder) -> list[Answer]:
-    """Stop feeding; every answer that came up to then and in the moment after it."""
+    """Stop feeding; all detections up to then and shortly after."""
     feeder.pause()
     answers, deadline = feeder.take(), time.monotonic() + ANSWER_TIMEOUT_S
     while time.monotonic() < deadline:
@@ -156,8 +156,8 @@ def first_answer(preset: str, variables: dict[str, str]) -> tuple[float, float]:
 
 
 def await_nodes(feeder: Feeder, processes: NodeProcesses, count: int) -> None:
-    """Until ``count`` nodes listen and work. Raises: SourceError where one ends or none comes up."""
-    await_that(lambda: feeder.listeners >= count, processes, START_TIMEOUT_S)
+    """Until ``count`` nodes subscribe and publish detections. Raises: SourceError where one ends or none comes up."""
+    await_that(lambda: feeder.subscribers >= count, processes, START_TIMEOUT_S)
     feeder.go()
     await_that(lambda: bool(feeder.take()), processes, START_TIMEOUT_S)
     settle(feeder)
@@ -173,6 +173,6 @@ def await_that(condition: Callable[[], bool], processes: NodeProcesses, timeout_
     while not condition():
         processes.check()
         if time.monotonic() > deadline:
-            raise SourceError(f'nodes: expected an answer within {timeout_s:.0f} s')
+            raise SourceError(f'nodes: expected detections within {timeout_s:.0f} s')
         time.sleep(POLL_S)
 

@@ -1,4 +1,4 @@
-"""A camera for measurements: pictures at a fixed rate, answers to them timed, and what the nodes say of themselves."""
+"""A camera for measurements: pictures at a fixed rate, latency of their detections, and the nodes' diagnostics."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from motion_detect_ros.bridge import transport
 from motion_detect_ros.bridge.images import header_of, stamp_ns
 from motion_detect_ros.bridge.topics import DETECTIONS, DIAGNOSTICS, IMAGE
 
-#: How long answers to the last pictures may take, seconds.
+#: How long detections of the last pictures may take, seconds.
 ANSWER_TIMEOUT_S = 3.0
 
 
@@ -36,7 +36,7 @@ class Feeder:
 
     Its process gets the shipped transport, as a camera node has it.
 
-    images: (H, W) or (H, W, 3) uint8 each, played forwards and backwards in turn, so that the motion stays smooth.
+    images: (H, W) or (H, W, 3) uint8 each, played forward and backward in turn, so that the motion stays smooth.
     """
 
     def __init__(self, domain_id: int, images: Sequence[npt.NDArray[np.uint8]], rate_hz: float) -> None:
@@ -81,8 +81,8 @@ class Feeder:
         self._feeding.clear()
 
     @property
-    def listeners(self) -> int:
-        """Subscriptions that have found the pictures."""
+    def subscribers(self) -> int:
+        """Subscriptions matched with the publisher of the pictures."""
         return int(self._publisher.get_subscription_count())
 
     @property
@@ -91,7 +91,7 @@ class Feeder:
         return self._sent
 
     def take(self) -> list[Answer]:
-        """The answers that came since the last call."""
+        """Those of the detections received since the last call."""
         with self._lock:
             taken, self._answers = self._answers, []
         return taken

@@ -3,7 +3,8 @@
     python -m motion_detect_ros.benchmarks.flow_table [--frames N] [--methods NAME ...] [--set NAME=VALUE ...]
 
 End-point error of the published flow, pixels, of cells wholly on the background and wholly on one moving object; the
-share of both that the way back confirms; median processor time of the stage, both ways, at 960 x 540 on one thread.
+share of both that passes the forward-backward check; median processor time of the stage, forward and backward flow, at
+960 x 540 on one thread.
 What is not installed is left out with a note.
 """
 
@@ -85,7 +86,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _changes(texts: Sequence[str]) -> dict[str, Any]:
     if not texts:
         return {}
-    from motion_detect_ros.benchmarks.accuracy import read_changes  # wants what make test-extras does not install
+    from motion_detect_ros.benchmarks.accuracy import read_changes  # needs what make test-extras does not install
 
     return dict(read_changes(texts))
 

@@ -118,7 +118,7 @@ def fly(cell: Cell, config: PipelineConfig) -> Found:
 
 
 def draw_flight(cell: Cell) -> np.ndarray:
-    """The middle picture of a flight with its true boxes, (H, W, 3) uint8 BGR: to see what a cell looks like."""
+    """The middle picture of a flight with its true boxes, (H, W, 3) uint8 BGR: to see the appearance of a cell."""
     frame = SyntheticFlight(make_flight(cell)).frame(cell.frames()[FRAMES // 2])
     for record in frame.truth:
         corner = int(record['x']), int(record['y'])

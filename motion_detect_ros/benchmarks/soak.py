@@ -1,4 +1,4 @@
-"""Soak: the real ``pipeline`` node under a steady stream for as long as told; memory, latency and drops over time.
+"""Soak: the real ``pipeline`` node under a steady stream for a given time; memory, latency and drops over time.
 
     python -m motion_detect_ros.benchmarks.soak --minutes 30 -o out/soak
 
@@ -57,7 +57,7 @@ class Sample:
 @dataclass(frozen=True)
 class SoakSummary:
     """``lost``: pictures neither answered nor counted as dropped by the node; ``growth_mb_per_hour``: slope of a line
-    through the memory of the settled part; ``steady``: the verdict.
+    through the memory of the settled part; ``steady``: the result.
     """
 
     minutes: float
@@ -132,7 +132,7 @@ def soak(minutes: float, preset: str, rate_hz: float, folder: Path, period_s: fl
 
 
 def summarize(samples: Sequence[Sample], rate_hz: float) -> SoakSummary:
-    """What the samples say together."""
+    """Summary of the samples."""
     settled = samples[int(SETTLED_SHARE * len(samples)):]
     memory = [sample.memory_mb for sample in settled] or [math.nan]
     sent, answered = sum(sample.sent for sample in samples), sum(sample.answered for sample in samples)

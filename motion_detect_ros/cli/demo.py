@@ -31,7 +31,7 @@ FLIGHT_BAG, TRUTH_CSV = 'flight.mcap', 'flight.truth.csv'
 DETECTIONS_BAG, DETECTIONS_CSV = 'detections.mcap', 'detections.csv'
 VIDEO, SHEET = 'demo.mp4', 'contact_sheet.png'
 
-#: A shorter flight says nothing: the first ten frames are not counted.
+#: A shorter flight has nothing to count: the first ten frames are left out.
 MIN_FRAMES = 20
 #: Images come at this share of what one process can do: four processes share the same cores with the transport.
 LOAD_SHARE = 0.5
@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _check_needs(preset: str, offline: bool) -> None:
-    """What would fail late is said at once. Raises: ConfigError, BackendError."""
+    """Checks early what would fail late. Raises: ConfigError, BackendError."""
     load_preset(preset)
     if not offline and importlib.util.find_spec('rclpy') is None:
         raise BackendError('rclpy is missing: install ROS 2 Jazzy or the extra "ros", or use --offline')
@@ -127,14 +127,14 @@ def real_time_factor(run: Run, fps: float) -> float:
 
 
 def exit_code(run: Run) -> int:
-    """0 only where every image got an answer."""
+    """0 only where every image got its detections message."""
     if not run.records:
         return NOTHING
     return PARTIAL if run.unanswered else OK
 
 
 def write_detections(folder: Path, run: Run) -> None:
-    """The answers as a bag, one message for each answered image, and as the CSV that ``evaluate`` reads."""
+    """The detections as a bag, one message for each processed image, and as the CSV that ``evaluate`` reads."""
     lines = [CSV_HEADER]
     with BagWriter(folder / DETECTIONS_BAG) as bag:
         for frame, records in sorted(run.records.items()):

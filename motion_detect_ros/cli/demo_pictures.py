@@ -1,4 +1,4 @@
-"""The demo to look at: a video and a contact sheet, detections over the truth."""
+"""Pictures of the demo: a video and a contact sheet, detections over the truth."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _LEGEND_BGR, _SHADOW_BGR = (255, 255, 255), (0, 0, 0)
 
 
 def write_pictures(bag: Path, truth: RecordArray, run: Run, fps: float, video: Path, sheet: Path) -> None:
-    """Draw every image of ``bag`` with its answer, all into ``video`` and a few into ``sheet``.
+    """Draw every image of ``bag`` with its detections, all into ``video`` and a few into ``sheet``.
 
     truth: ``TRUTH_DTYPE``, frames counted as the images of the bag. Raises: BackendError where a file cannot be
     written.

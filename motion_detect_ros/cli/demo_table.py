@@ -19,10 +19,10 @@ SMALL_AREA_PX2 = 32 ** 2
 
 @dataclass(frozen=True)
 class Run:
-    """The answers to a sequence of images.
+    """The detections of a sequence of images.
 
     stamps_ns: of the images, in order. records: ``DETECTION_DTYPE`` by frame index, an entry for every image that
-    got an answer. messages: detections messages received. times_ms: per answered image, from image to detections
+    got a message. messages: detections messages received. times_ms: per image with a message, from image to detections
     (live, NaN where unknown) or compute time (in process).
     """
 

@@ -1,8 +1,8 @@
 """``evaluate``: precision, recall and F1 of a detections.csv against ground truth.
 
-Counted are all frames of the replay, which its summary.json beside detections.csv tells, at least up to the last frame
-with truth or detections: where nothing is labelled, every box is false. ``--last-frame`` is for truth that ends before
-the pictures do.
+All frames count: those of the replay where its summary.json lies beside detections.csv, at least those up to the last
+one with truth or detections. Where nothing is labelled, every box is false. ``--last-frame`` is for truth that ends
+before the pictures do.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import DoubleArray
 from motion_detect_ros.sources.truth import Truth, load_truth
 
-#: Frames at the start that are not counted: a detector that confirms over frames has nothing to say there yet.
+#: Frames at the start that are not counted: a detector that confirms over frames reports nothing there yet.
 WARM_UP_FRAMES = 10
 DEFAULT_IOUS = (0.3, 0.5)
 
@@ -78,7 +78,7 @@ def read_boxes(path: Path) -> dict[int, DoubleArray]:
 def replayed_frames(detections: Path) -> int:
     """Frames of the replay that wrote ``detections``, unreadable ones included; 0 where it left no summary there.
 
-    Raises: SourceError where the summary does not say.
+    Raises: SourceError where the summary has no count.
     """
     path = detections.with_name(SUMMARY_NAME)
     if detections.name != CSV_NAME or not path.is_file():

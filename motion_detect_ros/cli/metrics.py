@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from motion_detect_ros.core.types import BoolArray, DoubleArray, RecordArray
 
-#: A prediction with this share of its area inside an ignored box says nothing.
+#: A prediction with this share of its area inside an ignored box is not counted.
 _INSIDE_IGNORED = 0.5
 #: Keeps the division of empty areas finite, pixels^2.
 _TINY_AREA = 1e-9
