@@ -1,4 +1,4 @@
-"""ART2 for users of scikit-learn: the same memory behind fit and predict. scikit-learn itself is not needed.
+"""ART2 for users of scikit-learn: the same network behind fit and predict. scikit-learn itself is not needed.
 
 For example ``labels = Art2Clusterer(vigilance=0.3).fit_predict(vectors)``.
 """
@@ -40,7 +40,7 @@ class Art2Clusterer(ClusterMixin, BaseEstimator):  # type: ignore[misc, unused-i
     cluster_centers_: FloatArray
     names_: npt.NDArray[np.uint32]
     n_features_in_: int
-    _memory: Art2Network[Any]
+    _network: Art2Network[Any]
 
     def __init__(
         self,
@@ -51,7 +51,7 @@ class Art2Clusterer(ClusterMixin, BaseEstimator):  # type: ignore[misc, unused-i
         initial_neurons: int = _DEFAULTS.initial_neurons,
         spread_match: float = _DEFAULTS.spread_match,
         max_neurons: int = _DEFAULTS.max_neurons,
-        forget_frames: int = _DEFAULTS.forget_frames,
+        forget_s: float = _DEFAULTS.forget_s,
         merge_match: float = _DEFAULTS.merge_match,
         background_sigma: float = _DEFAULTS.background_sigma,
         learning: str = _DEFAULTS.learning,
@@ -68,7 +68,7 @@ class Art2Clusterer(ClusterMixin, BaseEstimator):  # type: ignore[misc, unused-i
         self.initial_neurons = initial_neurons
         self.spread_match = spread_match
         self.max_neurons = max_neurons
-        self.forget_frames = forget_frames
+        self.forget_s = forget_s
         self.merge_match = merge_match
         self.background_sigma = background_sigma
         self.learning = learning
@@ -80,7 +80,7 @@ class Art2Clusterer(ClusterMixin, BaseEstimator):  # type: ignore[misc, unused-i
         self.theta = theta
 
     def __sklearn_is_fitted__(self) -> bool:
-        return hasattr(self, '_memory')
+        return hasattr(self, '_network')
 
     def __sklearn_tags__(self) -> Any:
         """Only scikit-learn asks for them: vectors that are not finite are allowed."""
@@ -89,7 +89,7 @@ class Art2Clusterer(ClusterMixin, BaseEstimator):  # type: ignore[misc, unused-i
         return tags
 
     def fit(self, X: npt.ArrayLike, y: object = None) -> Self:
-        """Cluster ``X`` (N, D) in a fresh memory; ``y`` is not looked at.
+        """Cluster ``X`` (N, D) in a fresh network; ``y`` is not looked at.
 
         Raises: ValueError for another shape; ConfigError for a wrong parameter.
         """
@@ -97,13 +97,13 @@ class Art2Clusterer(ClusterMixin, BaseEstimator):  # type: ignore[misc, unused-i
         return self._present(make_art2(self._config()), vectors)
 
     def partial_fit(self, X: npt.ArrayLike, y: object = None) -> Self:
-        """Present ``X`` (N, D) to the memory as it is, as the next frame of a sequence.
+        """Present ``X`` (N, D) to the network as it is, as the next frame of a sequence.
 
         Parameters are those of the first call. Raises: as ``fit``; ValueError for another D than before.
         """
         if not self.__sklearn_is_fitted__():
             return self.fit(X)
-        return self._present(self._memory, self._validated(X, reset=False))
+        return self._present(self._network, self._validated(X, reset=False))
 
     def predict(self, X: npt.ArrayLike) -> LabelArray:
         """(N,) int32 row of ``cluster_centers_`` for each vector; nothing is learned.
@@ -111,13 +111,13 @@ class Art2Clusterer(ClusterMixin, BaseEstimator):  # type: ignore[misc, unused-i
         Raises: NotFittedError; ValueError for another shape than (N, ``n_features_in_``).
         """
         check_is_fitted(self)
-        return self._memory.predict(self._validated(X, reset=False))
+        return self._network.predict(self._validated(X, reset=False))
 
-    def _present(self, memory: Art2Network[Any], vectors: FloatArray) -> Self:
-        self._memory = memory
-        self.labels_ = memory.partial_fit(vectors)
-        self.cluster_centers_ = memory.prototypes.copy()
-        self.names_ = memory.names.copy()
+    def _present(self, network: Art2Network[Any], vectors: FloatArray) -> Self:
+        self._network = network
+        self.labels_ = network.partial_fit(vectors)
+        self.cluster_centers_ = network.prototypes.copy()
+        self.names_ = network.names.copy()
         return self
 
     def _validated(self, X: npt.ArrayLike, *, reset: bool) -> FloatArray:

@@ -71,7 +71,7 @@ class SubstituteClusterer:
         """Nothing but the background."""
         self.prototypes: FloatArray = np.zeros((1, 2), np.float32)
 
-    def partial_fit(self, vectors: FloatArray) -> LabelArray:
+    def partial_fit(self, vectors: FloatArray, _dt_s: float = 0.0) -> LabelArray:
         """(N,) int32 labels of (N, 2) vectors in noise units: 0 = background, -1 = not finite."""
         length = np.hypot(vectors[:, 0], vectors[:, 1])
         labels = np.where(np.isfinite(length), 0, NOT_PRESENTED).astype(np.int32)

@@ -23,5 +23,8 @@ class Clusterer(Protocol):
     def reset(self) -> None:
         """Forget earlier frames."""
 
-    def partial_fit(self, vectors: FloatArray) -> LabelArray:
-        """(N,) int32 index into ``prototypes`` (K, 2) for (N, 2) float32 vectors in noise units, -1 = not finite."""
+    def partial_fit(self, vectors: FloatArray, dt_s: float) -> LabelArray:
+        """(N,) int32 index into ``prototypes`` (K, 2) for (N, 2) float32 vectors in noise units, -1 = not finite.
+
+        dt_s: since the frame before, seconds.
+        """
