@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
 from motion_detect_ros.core.config import PipelineConfig
@@ -39,7 +38,6 @@ class EgoMotionStage:
         self._gyro = GyroPrior(config.imu)
         self._in_space = RelativePoseEstimator(config.background.focal_share)
         self._previous: PreparedFrame | None = None
-        cv2.setRNGSeed(0)
 
     def reset(self) -> None:
         """Forget the previous frame, the filter's state, the camera's motion and the angular rates."""

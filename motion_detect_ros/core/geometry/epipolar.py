@@ -111,7 +111,6 @@ def estimate_pose(
 
 
 def _ransac(q: DoubleArray, p: DoubleArray, focal_px: float) -> PoseEstimate | None:
-    cv2.setRNGSeed(0)
     essential, mask = cv2.findEssentialMat(q, p, np.eye(3), cv2.USAC_MAGSAC, 0.999, INLIER_PX / focal_px)
     if essential is None or essential.shape != (3, 3):
         return None

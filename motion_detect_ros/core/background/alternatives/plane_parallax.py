@@ -71,7 +71,6 @@ def fit_plane_parallax(earlier: DoubleArray, now: DoubleArray, width: int) -> Pl
     q, p = earlier[::step], now[::step]
     if len(q) < MIN_SAMPLES:
         return None
-    cv2.setRNGSeed(0)
     homography, _ = cv2.findHomography(q, p, cv2.RANSAC, PLANE_PX)
     if homography is None:
         return None
