@@ -121,21 +121,27 @@ def _rate(times_ns: deque[int], now_ns: int) -> float:
 
 
 class Reporter:
-    """Turns summaries into messages; remembers the last one, as drops count since then. Not thread-safe."""
+    """Turns the counters of a node into messages; drops count since the last one.
 
-    def __init__(self, name: str, hardware_id: str) -> None:
-        self._name, self._hardware_id = name, hardware_id
+    Any thread may report: each dropped frame is in the message of exactly one report.
+    """
+
+    def __init__(self, name: str, hardware_id: str, stats: StageStats) -> None:
+        self._name, self._hardware_id, self._stats = name, hardware_id, stats
+        self._lock = threading.Lock()
         self._dropped = 0
 
     def report(
-        self, summary: Summary, condition: Condition, stamp: Time, extra: tuple[tuple[str, str], ...] = (),
+        self, now_ns: int, condition: Condition, stamp: Time, extra: tuple[tuple[str, str], ...] = (),
     ) -> DiagnosticArray:
-        """One status with every figure as a key-value pair.
+        """One status with every figure as a key-value pair. now_ns: of ``time.monotonic_ns``.
 
         ERROR for a fault; WARN for recent errors, for frames dropped since the last report, a concern and silence;
         OK otherwise, and where the node is idle.
         """
-        dropped, self._dropped = summary.dropped - self._dropped, summary.dropped
+        with self._lock:  # a summary taken outside could be older than that of the last report
+            summary = self._stats.summary(now_ns)
+            dropped, self._dropped = summary.dropped - self._dropped, summary.dropped
         level, message = _judged(summary, condition, dropped)
         values = [KeyValue(key=key, value=value) for key, value in (*_pairs(summary), *extra)]
         status = DiagnosticStatus(

@@ -39,7 +39,7 @@ class ManagedNode(LifecycleNode):
         self._publishers_made: list[LifecyclePublisher] = []
         self._configured = False
         self.active = False
-        self._reporter = Reporter(self.get_fully_qualified_name(), self.get_name())
+        self._reporter = Reporter(self.get_fully_qualified_name(), self.get_name(), self.stats)
         self._reports = self.create_publisher(DiagnosticArray, '/diagnostics', diagnostics_qos())
         self.create_timer(DIAGNOSTICS_PERIOD_S, self.report)
         self.create_service(Trigger, '~/reset', self._on_reset)
@@ -155,8 +155,9 @@ class ManagedNode(LifecycleNode):
 
     def report(self) -> None:
         """Publish ``/diagnostics`` now."""
-        stamp, summary = self.get_clock().now().to_msg(), self.stats.summary(time.monotonic_ns())
-        self._reports.publish(self._reporter.report(summary, self._judged(), stamp, self.extra_diagnostics()))
+        stamp = self.get_clock().now().to_msg()
+        self._reports.publish(self._reporter.report(
+            time.monotonic_ns(), self._judged(), stamp, self.extra_diagnostics()))
 
     def _judged(self) -> Condition:
         if self._failure:

@@ -9,7 +9,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from motion_detect_ros.bridge.diagnostics import Condition, Reporter, StageStats
+from motion_detect_ros.bridge.diagnostics import Condition, Reporter, StageStats, Summary
 
 SECOND = 1_000_000_000
 
@@ -60,9 +60,8 @@ def status(
     stats: StageStats, now_s: float, extra: tuple[tuple[str, str], ...] = (), condition: Condition | None = None,
     reporter: Reporter | None = None,
 ) -> DiagnosticStatus:
-    reporter = reporter or Reporter('/front/flow', 'flow')
-    summary = stats.summary(round(now_s * SECOND))
-    message = reporter.report(summary, condition or Condition(), Time(sec=3, nanosec=4), extra)
+    reporter = reporter or Reporter('/front/flow', 'flow', stats)
+    message = reporter.report(round(now_s * SECOND), condition or Condition(), Time(sec=3, nanosec=4), extra)
     assert isinstance(message, DiagnosticArray)
     assert message.header.stamp == Time(sec=3, nanosec=4)
     assert len(message.status) == 1
@@ -106,7 +105,8 @@ def test_slow_sources_are_not_silent_between_two_pictures():
 
 
 def test_drops_warn_in_the_report_after_them_and_not_for_ever():
-    stats, reporter = flowing(5.0), Reporter('/front/flow', 'flow')
+    stats = flowing(5.0)
+    reporter = Reporter('/front/flow', 'flow', stats)
     stats.count_dropped(3)
     first, second = (status(stats, 5.0, reporter=reporter) for _ in range(2))
     assert (first.level, first.message) == (DiagnosticStatus.WARN, '3 dropped since the last report')
@@ -115,6 +115,38 @@ def test_drops_warn_in_the_report_after_them_and_not_for_ever():
     again = status(stats, 5.0, reporter=reporter, condition=Condition(concern='lags'))
     assert (again.level, again.message) == (DiagnosticStatus.WARN, '1 dropped since the last report, lags')
     assert {pair.key: pair.value for pair in again.values}['dropped'] == '4'
+
+
+class Overtaken(StageStats):
+    """In the middle of the first summary two more frames are dropped and another thread reports."""
+
+    def __init__(self, other: threading.Thread) -> None:
+        super().__init__()
+        self._other = other
+
+    def summary(self, now_ns: int) -> Summary:
+        found = super().summary(now_ns)
+        if not self._other.ident:
+            self.count_dropped(2)
+            self._other.start()
+            self._other.join(0.3)  # as far as it gets without this report being done
+        return found
+
+
+def test_each_drop_is_in_one_report_whichever_thread_makes_it():
+    found: list[str] = []
+
+    def report() -> None:
+        found.append(reporter.report(0, Condition(), Time()).status[0].message)
+
+    other = threading.Thread(target=report)
+    stats = Overtaken(other)
+    reporter = Reporter('/front/camera', 'camera', stats)
+    stats.count_dropped(3)
+    report()
+    other.join()
+    assert sorted(text.partition(',')[0] for text in found) == [
+        '2 dropped since the last report', '3 dropped since the last report']
 
 
 def test_a_fault_is_an_error_whatever_else():
