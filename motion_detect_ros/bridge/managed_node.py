@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
@@ -41,7 +43,7 @@ class ManagedNode(LifecycleNode):
         self.active = False
         self._reporter = Reporter(self.get_fully_qualified_name(), self.get_name(), self.stats)
         self._reports = self.create_publisher(DiagnosticArray, '/diagnostics', diagnostics_qos())
-        self.create_timer(DIAGNOSTICS_PERIOD_S, self.report)
+        self.every(DIAGNOSTICS_PERIOD_S, self.report)
         self.create_service(Trigger, '~/reset', self._on_reset)
 
     def start(self) -> None:
@@ -79,6 +81,10 @@ class ManagedNode(LifecycleNode):
         """An input that cannot be used costs itself and nothing else."""
         self.stats.count_error(str(error))
         self.get_logger().warning(f'input left out: {error}', throttle_duration_sec=WARNING_PERIOD_S)
+
+    def every(self, period_s: float, action: Callable[[], None]) -> None:
+        """Calls ``action`` in the executor every ``period_s`` of steady time, whatever the simulated clock does."""
+        self.create_timer(period_s, action, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def subscribe(self, *args: Any, **options: Any) -> None:
         """A subscription that lives until deactivation."""

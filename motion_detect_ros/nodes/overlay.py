@@ -48,7 +48,7 @@ class OverlayNode(ManagedNode):
         self._markers = MarkerWriter()
         self._drops = 0
         self._heard: tuple[Topic, ...] = ()
-        self.create_timer(LOOK_PERIOD_S, self._look)
+        self.every(LOOK_PERIOD_S, self._look)
 
     def open(self) -> None:
         """Publishers; ``~/overlay/compressed`` is JPEG."""
