@@ -17,6 +17,7 @@ from itertools import chain
 from pathlib import Path
 from time import perf_counter
 
+import cv2
 import numpy as np
 from tqdm import tqdm
 
@@ -64,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--config', help='YAML file with settings, instead of --preset')
     parser.add_argument('--fps', type=float, help=f'frames/s of inputs without time stamps (default {DEFAULT_FPS:g})')
     parser.add_argument('--topic', help='image topic of a bag that has several')
-    parser.add_argument('--workers', type=int, default=1, help='processes, for several inputs')
+    parser.add_argument('--workers', type=int, default=1, help='processes, for several inputs; they share the cores')
     parser.add_argument('--live', action='store_true', help='play through the ROS nodes instead; bags only')
     parser.add_argument('--rate', type=float, default=1.0, help='with --live: speed against the recording')
 
@@ -223,10 +224,21 @@ def _summarize(job: Job, source: FrameSource, tally: Tally, complete: bool) -> S
         settings={name: value for name, value, _ in settings(job.config)})
 
 
-def _run_parallel(jobs: list[Job], workers: int) -> Iterator[Outcome]:
-    # Spawned, not forked: OpenCV's and numba's thread pools do not survive a fork.
+def worker_pool(workers: int) -> ProcessPoolExecutor:
+    """Processes that share the cores: each gives OpenCV its part of the threads, unless ``load.threads`` says how many.
+
+    Spawned, not forked: OpenCV's and numba's thread pools do not survive a fork.
+    """
     context = multiprocessing.get_context('spawn')
-    with ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context) as pool:
+    return ProcessPoolExecutor(workers, mp_context=context, initializer=_share_cores, initargs=(workers,))
+
+
+def _share_cores(workers: int) -> None:
+    cv2.setNumThreads(max(1, cv2.getNumThreads() // workers))
+
+
+def _run_parallel(jobs: list[Job], workers: int) -> Iterator[Outcome]:
+    with worker_pool(min(workers, len(jobs))) as pool:
         futures = [pool.submit(run_job, job) for job in jobs]
         for _ in tqdm(as_completed(futures), total=len(futures), unit='input', disable=None):
             pass

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 from pathlib import Path
 
 import cv2
@@ -14,9 +15,9 @@ from rosbags.highlevel import AnyReader
 
 from motion_detect_ros.__main__ import main
 from motion_detect_ros.cli.outputs import Percentiles, csv_row
-from motion_detect_ros.cli.replay import Job, replay
-from motion_detect_ros.core.config import PipelineConfig
-from motion_detect_ros.core.pipeline import MotionPipeline
+from motion_detect_ros.cli.replay import Job, replay, worker_pool
+from motion_detect_ros.core.config import LoadConfig, PipelineConfig
+from motion_detect_ros.core.pipeline import MotionPipeline, use_threads
 from motion_detect_ros.core.types import DETECTION_DTYPE, Result, empty_detections
 from motion_detect_ros.sources.bags import BagWriter
 
@@ -115,6 +116,20 @@ def test_several_inputs_get_a_folder_each_and_workers_change_nothing(
     expected = (replayed / 'detections.csv').read_bytes()
     for name in ('scene', 'scene-2'):
         assert (tmp_path / 'out' / name / 'detections.csv').read_bytes() == expected
+
+
+def opencv_threads(config: LoadConfig) -> int:
+    """As a job has them."""
+    use_threads(config)
+    return cv2.getNumThreads()
+
+
+@pytest.mark.parametrize('workers', [1, 2, 3])
+def test_workers_share_the_cores_unless_told_how_many_threads(workers: int) -> None:
+    cores = len(os.sched_getaffinity(0))
+    with worker_pool(workers) as pool:
+        assert pool.submit(opencv_threads, LoadConfig()).result(60.0) == max(1, cores // workers)
+        assert pool.submit(opencv_threads, LoadConfig(threads=3)).result(60.0) == 3
 
 
 def test_one_bad_input_among_several_is_partial(
