@@ -79,17 +79,6 @@ def flow_from_msg(msg: Image) -> FlowField:
     return FlowField(values.astype(np.float32), int(msg.width), int(msg.height), stamp_ns(msg.header))
 
 
-def camera_from_msg(msg: CameraInfo, rectified: bool = False) -> CameraModel | None:
-    """Pinhole model of the camera; None where it is uncalibrated (all zero, or no calibration can be so).
-
-    Matrix K, whose distortion D is ignored, for images as the sensor gives them; ``rectified``: matrix P, where there
-    is one, for images from which the distortion has been removed (REP 104).
-    """
-    p, k = msg.p, msg.k
-    fx, fy, cx, cy = (p[0], p[5], p[2], p[6]) if rectified and p[0] else (k[0], k[4], k[2], k[5])
-    return CameraModel.of(int(msg.width), int(msg.height), float(fx), float(fy), float(cx), float(cy))
-
-
 def rates_from_msg(msg: Imu) -> tuple[float, float, float]:
     """Angular velocity about the axes of the message's frame, rad/s."""
     rate = msg.angular_velocity

@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 from motion_detect_ros.bridge import transport
 from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.gyro import GyroInput, Sink
-from motion_detect_ros.bridge.images import camera_from_msg, stamp_ns
+from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode, reason_of
 from motion_detect_ros.bridge.params import declare_config, declare_simple, unknown_parameters
 from motion_detect_ros.bridge.qos import image_qos, overridable
@@ -26,6 +26,7 @@ from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.pipeline import use_threads, warm_up
 from motion_detect_ros.core.types import CameraModel
+from motion_detect_ros.sources.camera_info import camera_of
 
 #: Images this large are lost between processes by stock Fast DDS, bytes.
 BIG_IMAGE_BYTES = 500_000
@@ -159,7 +160,7 @@ class StageNode(ManagedNode):
 
     def _on_camera(self, msg: Any) -> None:
         # Only noted here: the stage takes it before the next image, the executor must not wait for the stage.
-        self._camera = camera_from_msg(msg, self._rectified) or self._camera
+        self._camera = camera_of(msg, self._rectified) or self._camera
         if any(msg.d) and not self._rectified:
             self.get_logger().warning('camera_info: distortion is ignored, bearings are off towards the edges; '
                                       'rectify the images and set rectified:=true', once=True)

@@ -9,6 +9,7 @@ from motion_detect_ros.core.errors import MessageError, MotionDetectError, Sourc
 from motion_detect_ros.core.types import ByteArray, CameraModel
 from motion_detect_ros.sources import messages
 from motion_detect_ros.sources.bag_reader import BagReader
+from motion_detect_ros.sources.camera_info import camera_of
 from motion_detect_ros.sources.encoding import decode
 from motion_detect_ros.sources.frames import SourceFrame
 from motion_detect_ros.sources.images import decode_image
@@ -87,7 +88,7 @@ class BagFrames:
         """From the first readable message of ``camera_topic``."""
         for message in self._reader.messages([self.camera_topic] if self.camera_topic else ()):
             try:
-                return messages.camera_model(messages.deserialize(message.data, messages.CAMERA_INFO))
+                return camera_of(messages.deserialize(message.data, messages.CAMERA_INFO))
             except MessageError:
                 continue
         return None

@@ -112,12 +112,6 @@ def camera_info(
         p=np.asarray(projection, np.float64).reshape(-1))
 
 
-def camera_model(info: Any) -> CameraModel | None:
-    """The pinhole camera of a CameraInfo message, None where it is uncalibrated (K[0] = 0, or no calibration)."""
-    k = info.k
-    return CameraModel.of(int(info.width), int(info.height), float(k[0]), float(k[4]), float(k[2]), float(k[5]))
-
-
 def point_cloud(records: RecordArray, stamp_ns: int, frame_id: str) -> Any:
     """sensor_msgs/PointCloud2 whose fields are those of a (N,) structured array, in its order and layout."""
     fields = [make('sensor_msgs/msg/PointField', name=name, offset=offset, count=1,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import struct
 import time
 
@@ -10,13 +9,11 @@ import cv2
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import Header
 
 from motion_detect_ros.allocator import tune_malloc
 from motion_detect_ros.bridge.images import (
-    camera_from_msg,
-    camera_to_msg,
     compressed_to_msg,
     flow_from_msg,
     flow_to_msg,
@@ -26,7 +23,7 @@ from motion_detect_ros.bridge.images import (
     stamp_of,
 )
 from motion_detect_ros.core.errors import MessageError
-from motion_detect_ros.core.types import CameraModel, FlowField
+from motion_detect_ros.core.types import FlowField
 
 HEADER = Header(stamp=Time(sec=12, nanosec=34), frame_id='eye')
 
@@ -89,30 +86,6 @@ def test_flow_is_exact_and_keeps_unknown_cells():
 def test_stamps():
     assert stamp_ns(HEADER) == 12_000_000_034
     assert (stamp_of(12_000_000_034).sec, stamp_of(12_000_000_034).nanosec) == (12, 34)
-
-
-def test_camera_info_prefers_the_rectified_matrix_and_zero_is_uncalibrated():
-    camera = CameraModel(640, 480, 500.0, 510.0, 320.5, 240.5)
-    assert camera_from_msg(camera_to_msg(camera, 640, 480, HEADER)) == camera
-    info = CameraInfo(width=640, height=480, k=[1.0, 0, 2.0, 0, 3.0, 4.0, 0, 0, 1.0])
-    assert camera_from_msg(info) == CameraModel(640, 480, 1.0, 3.0, 2.0, 4.0)
-    assert camera_from_msg(camera_to_msg(None, 640, 480, HEADER)) is None
-
-
-@pytest.mark.parametrize('k', [(math.nan, 5e2, 320, 240), (5e2, math.inf, 320, 240), (5e2, 5e2, math.nan, 240),
-                               (1e-9, 5e2, 320, 240), (-5e2, 5e2, 320, 240)])
-def test_what_no_calibration_can_be_is_uncalibrated(k: tuple[float, float, float, float]):
-    fx, fy, cx, cy = (float(value) for value in k)
-    assert camera_from_msg(CameraInfo(width=640, height=480, k=[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0])) is None
-
-
-def test_only_rectified_images_have_the_projection_of_the_rectified_camera():
-    info = CameraInfo(width=640, height=480, k=[1.0, 0, 2.0, 0, 3.0, 4.0, 0, 0, 1.0],
-                      p=[5.0, 0, 6.0, 0, 0, 7.0, 8.0, 0, 0, 0, 1.0, 0])
-    assert camera_from_msg(info) == CameraModel(640, 480, 1.0, 3.0, 2.0, 4.0)
-    assert camera_from_msg(info, rectified=True) == CameraModel(640, 480, 5.0, 7.0, 6.0, 8.0)
-    info.p = [0.0] * 12
-    assert camera_from_msg(info, rectified=True) == CameraModel(640, 480, 1.0, 3.0, 2.0, 4.0)
 
 
 def test_720p_takes_at_most_2_ms_a_direction(capsys: pytest.CaptureFixture[str]):
