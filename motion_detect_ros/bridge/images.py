@@ -13,7 +13,7 @@ from std_msgs.msg import Header
 
 from motion_detect_ros.core.errors import MessageError
 from motion_detect_ros.core.types import NANOSECONDS, CameraModel, FlowField
-from motion_detect_ros.sources.encoding import FLOW_ENCODING, decode, encoding_of, pixel_rows
+from motion_detect_ros.sources.encoding import FLOW_ENCODING, ImageDecoder, encoding_of, pixel_rows
 
 #: Grey stays grey; never turned by an EXIF tag, as flow and calibration belong to the sensor's own axes.
 AS_STORED = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
@@ -34,14 +34,16 @@ def header_of(nanoseconds: int, frame_id: str) -> Header:
     return Header(stamp=stamp_of(nanoseconds), frame_id=frame_id)
 
 
-def image_from_msg(msg: Image | CompressedImage) -> npt.NDArray[np.uint8]:
+def image_from_msg(msg: Image | CompressedImage, decoder: ImageDecoder | None = None) -> npt.NDArray[np.uint8]:
     """(H, W) grey or (H, W, 3) BGR uint8; a view of the message's bytes where its layout allows.
 
+    decoder: of the topic, which learns the depth of 16-bit images from those before; None = this is the only one.
     Raises: MessageError for an unknown encoding, too few bytes, or bytes that are no whole JPEG or PNG.
     """
     if isinstance(msg, CompressedImage):
         return _decompressed(msg)
-    return decode(msg.height, msg.width, msg.encoding, bool(msg.is_bigendian), msg.step, msg.data)
+    decoder = decoder or ImageDecoder()
+    return decoder.decode(msg.height, msg.width, msg.encoding, bool(msg.is_bigendian), msg.step, msg.data)
 
 
 def image_to_msg(image: npt.NDArray[np.uint8], header: Header) -> Image:

@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 from motion_detect_ros.bridge import transport
 from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.gyro import GyroInput, Sink
-from motion_detect_ros.bridge.images import stamp_ns
+from motion_detect_ros.bridge.images import image_from_msg, stamp_ns
 from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode, reason_of
 from motion_detect_ros.bridge.params import declare_config, declare_simple, unknown_parameters
 from motion_detect_ros.bridge.qos import image_qos, overridable
@@ -27,6 +27,7 @@ from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.pipeline import use_threads, warm_up
 from motion_detect_ros.core.types import CameraModel
 from motion_detect_ros.sources.camera_info import camera_of
+from motion_detect_ros.sources.encoding import ImageDecoder
 
 #: Images this large are lost between processes by stock Fast DDS, bytes.
 BIG_IMAGE_BYTES = 500_000
@@ -58,6 +59,7 @@ class StageNode(ManagedNode):
         self._decimation = FrameDecimation(self.config.load.decimation_keep, self.config.load.decimation_of)
         self._worker: Worker[tuple[Any, ...]] | None = None
         self._gyro: GyroInput | None = None
+        self._decoder = ImageDecoder()
         self._busy = threading.Lock()
         self._join_drops = 0
         self._camera: CameraModel | None = None
@@ -155,8 +157,9 @@ class StageNode(ManagedNode):
         self.stats.count_processed(time.monotonic_ns(), latency_ms, age_ms)
 
     def _values(self, messages: tuple[Any, ...]) -> list[Any]:
-        decoders = (IMAGE.from_msg, *(topic.from_msg for topic in self.inputs))
-        return [decode(message) for decode, message in zip(decoders, messages, strict=True)]
+        image, *others = messages
+        return [image_from_msg(image, self._decoder),
+                *(topic.from_msg(message) for topic, message in zip(self.inputs, others, strict=True))]
 
     def _on_camera(self, msg: Any) -> None:
         # Only noted here: the stage takes it before the next image, the executor must not wait for the stage.

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from motion_detect_ros.bridge.diagnostics import Condition
-from motion_detect_ros.bridge.images import stamp_ns
+from motion_detect_ros.bridge.images import image_from_msg, stamp_ns
 from motion_detect_ros.bridge.managed_node import ManagedNode
 from motion_detect_ros.bridge.markers import MarkerWriter
 from motion_detect_ros.bridge.params import declare_simple
@@ -27,6 +27,7 @@ from motion_detect_ros.bridge.topics import (
     TopicPublisher,
 )
 from motion_detect_ros.core.drawing import draw_detections, flow_to_color
+from motion_detect_ros.sources.encoding import ImageDecoder
 
 #: How often it looks whether someone listens, seconds; images that may wait for their detections.
 LOOK_PERIOD_S = 0.5
@@ -45,6 +46,7 @@ class OverlayNode(ManagedNode):
             self, 'compressed', False, 'listen to image_raw/compressed instead of image_raw'))
         self._image = COMPRESSED if compressed else IMAGE
         self._join = ExactJoin(('image', 'detections'), WAITING)
+        self._decoder = ImageDecoder()
         self._markers = MarkerWriter()
         self._drops = 0
         self._heard: tuple[Topic, ...] = ()
@@ -120,7 +122,7 @@ class OverlayNode(ManagedNode):
             self._show(lambda: self._draw(*messages), messages[0])
 
     def _draw(self, image: Any, detections: Any) -> None:
-        picture = draw_detections(self._image.from_msg(image), DETECTIONS.from_msg(detections))
+        picture = draw_detections(image_from_msg(image, self._decoder), DETECTIONS.from_msg(detections))
         for publisher in (self._overlay, self._jpeg):
             if publisher.listeners:
                 publisher.publish(picture, image.header)

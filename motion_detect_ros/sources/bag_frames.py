@@ -10,7 +10,7 @@ from motion_detect_ros.core.types import ByteArray, CameraModel
 from motion_detect_ros.sources import messages
 from motion_detect_ros.sources.bag_reader import BagReader
 from motion_detect_ros.sources.camera_info import camera_of
-from motion_detect_ros.sources.encoding import decode
+from motion_detect_ros.sources.encoding import ImageDecoder
 from motion_detect_ros.sources.frames import SourceFrame
 from motion_detect_ros.sources.images import decode_image
 from motion_detect_ros.sources.inertial import GyroSample
@@ -50,10 +50,10 @@ class BagFrames:
 
     def __iter__(self) -> Iterator[SourceFrame]:
         """Frames in order; a malformed message costs itself only and is counted in ``bad_frames``."""
-        self.bad_frames = 0
+        self.bad_frames, decoder = 0, ImageDecoder()
         for index, message in enumerate(self._reader.messages([self.topic.name])):
             try:
-                image, stamp_ns = decode_message(message)
+                image, stamp_ns = decode_message(message, decoder)
             except MotionDetectError:
                 self.bad_frames += 1
                 continue
@@ -94,17 +94,17 @@ class BagFrames:
         return None
 
 
-def decode_message(message: RawMessage) -> tuple[ByteArray, int]:
+def decode_message(message: RawMessage, decoder: ImageDecoder) -> tuple[ByteArray, int]:
     """Picture, (H, W) grey or (H, W, 3) BGR uint8, and header stamp (ns) of an Image or CompressedImage.
 
-    Raises: MessageError, SourceError where it holds no picture.
+    decoder: of the topic. Raises: MessageError, SourceError where it holds no picture.
     """
     content = messages.deserialize(message.data, message.msgtype)
     if message.msgtype == messages.COMPRESSED_IMAGE:
         image = decode_image(content.data.tobytes(), message.topic)
     else:
-        image = decode(content.height, content.width, content.encoding, bool(content.is_bigendian),
-                       content.step, content.data)
+        image = decoder.decode(content.height, content.width, content.encoding, bool(content.is_bigendian),
+                               content.step, content.data)
     return image, messages.stamp_of(content)
 
 

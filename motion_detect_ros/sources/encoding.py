@@ -45,12 +45,17 @@ ENCODINGS: dict[str, Encoding] = {
 }
 #: The encoding of flow: two float32 channels.
 FLOW_ENCODING = '32FC2'
+#: Bits that the sensors behind 16-bit encodings give, lower-aligned.
+SENSOR_BITS = (8, 10, 12, 14, 16)
 
 
-def decode(height: int, width: int, encoding: str, is_bigendian: bool, step: int, data: Any) -> npt.NDArray[np.uint8]:
+def decode(
+    height: int, width: int, encoding: str, is_bigendian: bool, step: int, data: Any, bits: int = SENSOR_BITS[-1],
+) -> npt.NDArray[np.uint8]:
     """Pixels as (H, W) grey or (H, W, 3) BGR, uint8.
 
-    data: any object with the buffer protocol; step: bytes a row. 16-bit images keep their upper eight bits.
+    data: any object with the buffer protocol; step: bytes a row; bits: that the samples of 16-bit encodings use, 8 to
+    16, of which the upper eight are kept; brighter samples become 255.
     Raises: MessageError for an unknown encoding, an impossible size or too few bytes.
     """
     if encoding not in ENCODINGS:
@@ -58,10 +63,32 @@ def decode(height: int, width: int, encoding: str, is_bigendian: bool, step: int
     layout = ENCODINGS[encoding]
     pixels = pixel_rows(height, width, layout.dtype, layout.channels, is_bigendian, step, data)
     if layout.dtype == 'u2':
-        pixels = (pixels >> 8).astype(np.uint8)
+        pixels = np.minimum(pixels >> (bits - 8), 255).astype(np.uint8)
     if layout.convert is None:
         return pixels
     return _converted(pixels, layout.convert, encoding)
+
+
+class ImageDecoder:
+    """``decode`` for the images of one stream, which learns how many bits the samples of a 16-bit encoding use.
+
+    That is the least of SENSOR_BITS that holds the largest sample seen so far. It only grows, four times at most, so
+    that the brightness of the pictures does not follow what is in them.
+    """
+
+    def __init__(self) -> None:
+        self._bits = SENSOR_BITS[0]
+
+    def decode(
+        self, height: int, width: int, encoding: str, is_bigendian: bool, step: int, data: Any,
+    ) -> npt.NDArray[np.uint8]:
+        """As the function of this name."""
+        layout = ENCODINGS.get(encoding)
+        if layout and layout.dtype == 'u2' and self._bits < SENSOR_BITS[-1]:
+            samples = pixel_rows(height, width, layout.dtype, layout.channels, is_bigendian, step, data)
+            largest = int(samples.max())
+            self._bits = max(self._bits, next(bits for bits in SENSOR_BITS if largest < 1 << bits))
+        return decode(height, width, encoding, is_bigendian, step, data, self._bits)
 
 
 def pixel_rows(

@@ -260,6 +260,17 @@ class TestBagFrames:
         assert np.array_equal(frames[0].image, noise(5))
         assert source.bad_frames == 2
 
+    def test_twelve_bits_are_learnt_anew_in_every_pass(self, tmp_path: Path) -> None:
+        samples = np.array([[16, 3200, 4000], [16, 1600, 160]], '<u2')
+        with BagWriter(tmp_path / 'a.mcap') as writer:
+            for index, row in enumerate(samples):
+                picture = messages.image(np.zeros((1, 3), np.uint8), STAMP + index, 'camera')
+                picture.encoding, picture.step, picture.data = 'mono16', 6, row.view(np.uint8)
+                writer.write('/image_raw', picture, STAMP + index)
+        source = BagFrames(tmp_path / 'a.mcap')
+        for _ in range(2):
+            assert [frame.image.tolist() for frame in source] == [[[1, 200, 250]], [[1, 100, 10]]]
+
     def test_prefers_raw_where_a_compressed_copy_is_beside(self, tmp_path: Path) -> None:
         with BagWriter(tmp_path / 'a.mcap') as writer:
             writer.write_compressed(cv2.imencode('.png', noise(1))[1].tobytes(), 'png', STAMP)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from motion_detect_ros.core.errors import MessageError
-from motion_detect_ros.sources.encoding import ENCODINGS, decode, encoding_of, pixel_rows
+from motion_detect_ros.sources.encoding import ENCODINGS, ImageDecoder, decode, encoding_of, pixel_rows
 
 
 def pixels(shape: tuple[int, ...], seed: int = 0) -> np.ndarray:
@@ -49,6 +49,47 @@ def test_colour_orders(encoding, bytes_, bgr):
 @pytest.mark.parametrize(('big', 'data'), [(False, [0x34, 0x12]), (True, [0x12, 0x34])])
 def test_sixteen_bits_keep_their_upper_eight_in_both_byte_orders(big, data):
     assert decode(1, 1, 'mono16', big, 2, bytes(data)).tolist() == [[0x12]]
+
+
+def scaled(samples: np.ndarray, bits: int) -> np.ndarray:
+    """0 .. 2^bits - 1 as 0 .. 255: the nearest lower grey, by floating point."""
+    return np.floor(samples / 2.0 ** bits * 256.0).astype(int)
+
+
+def of_stream(decoder: ImageDecoder, samples: np.ndarray, encoding: str = 'mono16', big: bool = False) -> np.ndarray:
+    data = samples.astype('>u2' if big else '<u2')
+    return decoder.decode(*samples.shape[:2], encoding, big, data.strides[0], data.tobytes())
+
+
+@pytest.mark.parametrize('big', [False, True])
+@pytest.mark.parametrize('bits', [8, 10, 12, 14, 16])
+def test_sensors_of_fewer_bits_keep_their_contrast(bits, big):
+    samples = np.linspace(0, 2 ** bits - 1, 48).astype(int).reshape(6, 8)
+    found = of_stream(ImageDecoder(), samples, big=big)
+    np.testing.assert_array_equal(found, scaled(samples, bits))
+    assert (found.min(), found.max()) == (0, 255)
+
+
+def test_brightness_does_not_follow_the_picture_once_the_sensor_is_known():
+    """12 bits: a bright picture, then the same ground without the lamp and in the dark."""
+    decoder, ground = ImageDecoder(), np.arange(48).reshape(6, 8) * 40
+    lamp = ground.copy()
+    lamp[0, 0] = 4000
+    for samples in (lamp, ground, ground // 40, np.zeros_like(ground), ground):
+        np.testing.assert_array_equal(of_stream(decoder, samples), scaled(samples, 12))
+
+
+def test_a_stream_in_the_dark_gets_darker_when_more_bits_are_seen_and_never_brighter_again():
+    decoder, grey = ImageDecoder(), []
+    for largest in (1000, 3000, 1000, 65535, 1000):
+        grey.append(int(of_stream(decoder, np.array([[0, 1000, largest]]))[0, 1]))
+    assert grey == [1000 // 4, 1000 // 16, 1000 // 16, 1000 // 256, 1000 // 256]
+
+
+def test_colour_of_twelve_bits_and_what_is_over_the_range_given():
+    samples = np.array([[[0x0123, 0x0456, 0x0fff]]])
+    assert of_stream(ImageDecoder(), samples, 'rgb16').tolist() == [[[0xff, 0x45, 0x12]]]
+    assert decode(1, 1, 'mono16', False, 2, struct.pack('<H', 0x1fff), bits=12).tolist() == [[255]]
 
 
 @pytest.mark.parametrize(('encoding', 'order'), [('uyvy', (128, 200, 128, 50)), ('yuv422_yuy2', (200, 128, 50, 128))])
