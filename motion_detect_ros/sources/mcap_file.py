@@ -57,8 +57,13 @@ class McapFile:
         return self._topics
 
     def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
-        """Every message that can be read; what cannot is added to ``damaged``."""
+        """Every message that can be read; what cannot is added to ``damaged``.
+
+        Nothing is read where the summary says that there are none of ``topics``.
+        """
         self._bad_chunks = 0
+        if topics is not None and self._statistics and not any(t.count and t.name in topics for t in self.topics):
+            return
         with self._path.open('rb') as stream:
             for record in self._records(StreamReader(stream, emit_chunks=True)):
                 if isinstance(record, Chunk):

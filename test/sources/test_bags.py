@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import IO, Any
 
 import cv2
 import numpy as np
@@ -219,6 +220,67 @@ def test_an_interrupted_writer_leaves_a_readable_part(tmp_path: Path) -> None:
     with BagReader(tmp_path / 'out.mcap.part') as reader:
         assert len(list(reader.messages())) == 1
         assert reader.damaged is None
+
+
+class Counting:
+    """A file that counts the bytes that are read from it."""
+
+    def __init__(self, stream: IO[bytes], counts: list[int]) -> None:
+        self._stream, self._counts = stream, counts
+
+    def read(self, size: int = -1) -> bytes:
+        data = self._stream.read(size)
+        self._counts.append(len(data))
+        return data
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def __enter__(self) -> Counting:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stream.close()
+
+
+class TestWhatIsReadOfABag:
+    """Ten chunks of 1.15 MB; what is counted are bytes, as time tells nothing on a busy machine."""
+
+    SUMMARY = 20_000
+
+    @pytest.fixture
+    def counts(self, monkeypatch: pytest.MonkeyPatch) -> list[int]:
+        counts: list[int] = []
+        plain = Path.open
+        monkeypatch.setattr(Path, 'open', lambda path, *words, **named: (
+            Counting(plain(path, *words, **named), counts) if path.suffix == '.mcap' else plain(path, *words, **named)))
+        return counts
+
+    def test_opening_without_a_calibration_reads_the_summary_only(self, chunked_bag: Path, counts: list[int]) -> None:
+        source = BagFrames(chunked_bag)
+        assert (source.camera, source.frame_count, source.imu_topic) == (None, 10, None)
+        assert 0 < sum(counts) < self.SUMMARY
+
+    def test_topics_that_are_not_there_are_not_looked_for(self, chunked_bag: Path, counts: list[int]) -> None:
+        with BagReader(chunked_bag) as reader:
+            assert not [*reader.messages(['/imu'])]
+            assert not [*reader.messages([])]
+        assert not [*BagFrames(chunked_bag).gyro()]
+        assert 0 < sum(counts) < 3 * self.SUMMARY
+
+    def test_the_calibration_at_the_start_costs_one_chunk(self, tmp_path: Path, counts: list[int]) -> None:
+        camera = CameraModel(640, 600, 300.0, 310.0, 319.5, 299.5)
+        with BagWriter(tmp_path / 'a.mcap', compress=False) as writer:
+            writer.write_camera_info(camera, STAMP)
+            for index in range(10):
+                writer.write_image(noise(index, (600, 640, 3)), STAMP + index * PERIOD)
+        assert BagFrames(tmp_path / 'a.mcap').camera == camera
+        assert 1_152_000 < sum(counts) < 1_152_000 + self.SUMMARY
+
+    def test_a_file_without_its_end_is_read_for_what_it_holds(self, chunked_bag: Path, counts: list[int]) -> None:
+        chunked_bag.write_bytes(chunked_bag.read_bytes()[:-100_000])
+        assert BagFrames(chunked_bag).frame_count == 9
+        assert sum(counts) > 9_000_000
 
 
 class TestBagFrames:
