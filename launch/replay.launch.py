@@ -14,6 +14,7 @@ OWN = (
     ('rate', '1.0', 'speed against the recording'),
     ('loop', 'false', 'start again at the end'),
     ('topics', '', 'topics to play, separated by commas; empty = all'),
+    ('clock', 'true', 'publish /clock with the times of recording; false where another player does'),
 )
 
 
@@ -24,7 +25,7 @@ def generate_launch_description():
         launch_arguments={'camera': 'false', 'use_sim_time': 'true'}.items())
     # The stages take different times to warm up; a player that does not wait for all of them loses the first images.
     stages = PythonExpression(["3 if '", LaunchConfiguration('mode'), "' == 'nodes' else 1"])
-    given = {'bag': str, 'rate': float, 'loop': bool, 'topics': str}
+    given = {'bag': str, 'rate': float, 'loop': bool, 'topics': str, 'clock': bool}
     parameters = {name: ParameterValue(LaunchConfiguration(name), value_type=kind) for name, kind in given.items()}
     parameters['wait_for_subscribers'] = ParameterValue(stages, value_type=int)
     player = Node(

@@ -18,10 +18,12 @@ from typing import Any
 
 import numpy as np
 
+from motion_detect_ros.bridge.serialized import header_stamp_ns, with_clock
 from motion_detect_ros.bridge.transport import environment
 from motion_detect_ros.cli.planner import Planner, Received
-from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.core.errors import MessageError, SourceError
 from motion_detect_ros.presets import find_config
+from motion_detect_ros.sources.bags import BagReader
 
 #: The three stages as separate processes; the fourth node of the graph is the player or camera.
 STAGES = ('ego_motion', 'optical_flow', 'art2_clustering')
@@ -38,7 +40,7 @@ DOMAINS = range(1, 101)
 
 @dataclass(frozen=True)
 class Playback:
-    """What a planner heard while a bag was played; ``published``: images the player announced."""
+    """What a planner heard while a bag was played; ``published``: images the player published."""
 
     received: tuple[Received, ...]
     published: int
@@ -104,12 +106,13 @@ class LiveGraph:
 
         topics: what to play, and under which name; None = everything under its own.
         """
-        self.planner.clear()
+        played = topics or {topic: topic.lstrip('/') for topic in _topics(bag)}
+        self.planner.expect(_clock_of_images(bag, played, self._image_topic))
         player = ['-p', f'bag:={bag}', '-p', f'rate:={float(rate)}', '-p', f'wait_for_subscribers:={len(self._nodes)}']
         if topics:
             player += ['-p', f'topics:={",".join(topics)}']
-        for recorded, played in (topics or {}).items():
-            player += ['-r', f'{recorded.lstrip("/")}:={played}']
+        for recorded, name in (topics or {}).items():
+            player += ['-r', f'{recorded.lstrip("/")}:={name}']
         start = time.monotonic()
         process = self._spawn('bag_player', player)
         try:
@@ -156,6 +159,22 @@ class LiveGraph:
         self.exit_codes = {node: _end(process) for node, process in self._processes.items()}
         if not any(self.exit_codes.values()):  # what a failed node has printed stays to be read
             shutil.rmtree(self._log, ignore_errors=True)
+
+
+def _topics(bag: Path) -> list[str]:
+    with BagReader(bag) as reader:
+        return [topic.name for topic in reader.topics]
+
+
+def _clock_of_images(bag: Path, played: Mapping[str, str], image_topic: str) -> dict[int, int]:
+    """Stamp of each image that the nodes get -> what ``/clock`` shows when it is played, ns."""
+    clock_of: dict[int, int] = {}
+    with BagReader(bag) as reader:
+        for clock_ns, message in with_clock(reader.messages(played)):
+            if played[message.topic] == image_topic:
+                with contextlib.suppress(MessageError):
+                    clock_of.setdefault(header_stamp_ns(message.data), clock_ns)
+    return clock_of
 
 
 def _params_file(preset: str) -> Path:

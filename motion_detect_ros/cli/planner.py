@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,8 +29,8 @@ class Received:
 class Planner:
     """Listens in a thread with a context of its own; use as a context manager.
 
-    The player announces each image's stamp on ``/clock`` just before it publishes the image: that is where latency
-    counts from.
+    The player shows on ``/clock`` when an image was recorded just before it publishes the image: that is where latency
+    counts from. Which image that is, ``expect`` tells, as the stamp of an image is not the time of its recording.
     """
 
     def __init__(self, domain_id: int, namespace: str = '') -> None:
@@ -41,7 +42,8 @@ class Planner:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._changed = threading.Condition()
-        self._published_ns: dict[int, int] = {}
+        self._clock_of: dict[int, int] = {}
+        self._shown_ns: dict[int, int] = {}
         self._received: list[Received] = []
         self._thread = threading.Thread(target=self._spin, name='planner', daemon=True)
 
@@ -63,15 +65,16 @@ class Planner:
 
     @property
     def published(self) -> int:
-        """Images that the player has announced."""
+        """Expected images that the player has published, or is about to."""
         with self._changed:
-            return len(self._published_ns)
+            return sum(clock_ns in self._shown_ns for clock_ns in self._clock_of.values())
 
-    def clear(self) -> None:
-        """Forget what was received."""
+    def expect(self, clock_of: Mapping[int, int]) -> None:
+        """Forget what was received and get ready for other images: stamp -> what ``/clock`` shows before it, ns."""
         with self._changed:
             self._received.clear()
-            self._published_ns.clear()
+            self._shown_ns.clear()
+            self._clock_of = dict(clock_of)
 
     def wait_for(self, count: int, timeout_s: float) -> bool:
         """True once ``count`` messages are there, False where they do not come in time."""
@@ -94,13 +97,14 @@ class Planner:
 
     def _on_clock(self, msg: Any) -> None:
         with self._changed:
-            self._published_ns[CLOCK.from_msg(msg)] = time.monotonic_ns()
+            self._shown_ns[CLOCK.from_msg(msg)] = time.monotonic_ns()
 
     def _on_detections(self, msg: Any) -> None:
         now_ns, stamp = time.monotonic_ns(), stamp_ns(msg.header)
         records = DETECTIONS.from_msg(msg)
         with self._changed:
-            published_ns = self._published_ns.get(stamp)
-            latency_ms = (now_ns - published_ns) / 1e6 if published_ns is not None else float('nan')
+            clock_ns = self._clock_of.get(stamp)
+            shown_ns = None if clock_ns is None else self._shown_ns.get(clock_ns)
+            latency_ms = (now_ns - shown_ns) / 1e6 if shown_ns is not None else float('nan')
             self._received.append(Received(stamp, records, latency_ms))
             self._changed.notify_all()

@@ -1,4 +1,4 @@
-"""``bag_player``: plays an MCAP or db3 bag with its original stamps, and /clock."""
+"""``bag_player``: plays an MCAP or db3 bag with its original stamps, and /clock with the times of recording."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.bridge.qos import image_qos, imu_qos, latched_qos, record_qos
 from motion_detect_ros.bridge.runner import main_of
-from motion_detect_ros.bridge.serialized import IMAGE_TYPES, IMU_TYPE, header_stamp_ns, message_class
+from motion_detect_ros.bridge.serialized import IMAGE_TYPES, IMU_TYPE, message_class, with_clock
 from motion_detect_ros.bridge.source_node import SourceNode
 from motion_detect_ros.bridge.topics import CLOCK, TopicPublisher
 from motion_detect_ros.core.errors import MessageError, SourceError
@@ -35,6 +35,7 @@ class BagPlayerNode(SourceNode):
         self._rate = float(declare_simple(self, 'rate', 1.0, 'speed against the recording', 0.001, 1000.0))
         self._loop = bool(declare_simple(self, 'loop', False, 'start again at the end'))
         wanted = str(declare_simple(self, 'topics', '', 'topics to play, separated by commas; empty = all'))
+        self._with_clock = bool(declare_simple(self, 'clock', True, 'publish /clock; false where another player does'))
         if not self._bag:
             raise SourceError('bag_player: expected the parameter bag, e.g. -p bag:=flight.mcap')
         self._late_s = 0.0
@@ -44,7 +45,7 @@ class BagPlayerNode(SourceNode):
 
     def open(self) -> None:
         """Publishers for all topics of the bag whose types are installed."""
-        self._ticks = TopicPublisher(self, CLOCK)
+        self._ticks = TopicPublisher(self, CLOCK) if self._with_clock else None
         self._publishers_of: dict[str, Any] = {}
         self._images = tuple(topic.name for topic in self._topics if topic.msgtype in IMAGE_TYPES)
         for topic in self._topics:
@@ -57,7 +58,7 @@ class BagPlayerNode(SourceNode):
     def produce(self) -> None:
         """Play, again and again where ``loop`` says so."""
         if self._images:
-            self.await_subscribers(self._listeners, lambda: self._ticks.listeners)
+            self.await_subscribers(self._listeners, lambda: self._ticks.listeners if self._ticks else 1)
         if not self._publishers_of:
             raise SourceError(f'{self._bag}: expected a topic whose type is installed, got none')
         self._play_once()
@@ -78,28 +79,21 @@ class BagPlayerNode(SourceNode):
     def _play_once(self) -> None:
         with BagReader(self._bag) as reader:
             start_ns, first_ns = time.monotonic_ns(), None
-            for message in reader.messages(list(self._publishers_of)):
-                first_ns = message.log_stamp_ns if first_ns is None else first_ns
-                due_ns = start_ns + (message.log_stamp_ns - first_ns) / self._rate
+            for clock_ns, message in with_clock(reader.messages(list(self._publishers_of))):
+                first_ns = clock_ns if first_ns is None else first_ns
+                due_ns = start_ns + (clock_ns - first_ns) / self._rate
                 if self.stopped.wait(max(0.0, (due_ns - time.monotonic_ns()) / NANOSECONDS)):
                     return
                 self._late_s = (time.monotonic_ns() - due_ns) / NANOSECONDS
-                self._publish(message)
+                self._publish(message, clock_ns)
 
-    def _publish(self, message: RawMessage) -> None:
+    def _publish(self, message: RawMessage, clock_ns: int) -> None:
         self.stats.count_received(time.monotonic_ns())
-        if message.topic in self._images:
-            self._ticks.publish(self._stamp_of(message))
+        if self._ticks:
+            self._ticks.publish(clock_ns)
         start = time.perf_counter()
         self._publishers_of[message.topic].publish(message.data)
         self.stats.count_processed(time.monotonic_ns(), 1e3 * (time.perf_counter() - start), UNKNOWN_AGE_MS)
-
-    def _stamp_of(self, message: RawMessage) -> int:
-        try:
-            return header_stamp_ns(message.data)
-        except MessageError as error:
-            self.bad_input(error)
-            return message.log_stamp_ns
 
 
 def _quality(topic: TopicInfo) -> Any:
@@ -111,7 +105,7 @@ def _quality(topic: TopicInfo) -> Any:
 
 
 def _chosen(bag: str, topics: tuple[TopicInfo, ...], wanted: str) -> tuple[TopicInfo, ...]:
-    """The topics to play; a recorded /clock is not, the player has its own. Raises: SourceError."""
+    """The topics to play; a recorded /clock is not, as the times of recording are the clock. Raises: SourceError."""
     names = {name.strip().lstrip('/') for name in wanted.split(',')} - {''}
     missing = names - {topic.name.lstrip('/') for topic in topics}
     if missing:

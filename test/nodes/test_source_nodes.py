@@ -11,13 +11,13 @@ from mcap.writer import Writer
 from peers import image_message, picture, ready
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu, PointCloud2
 
 from motion_detect_ros.bridge.images import header_of, image_from_msg, stamp_ns
 from motion_detect_ros.bridge.records import detections_to_msg
 from motion_detect_ros.core.types import NANOSECONDS, CameraModel, empty_detections
+from motion_detect_ros.sources import messages
 from motion_detect_ros.sources.bags import BagWriter
-from motion_detect_ros.sources.messages import make, serialize
 
 PERIOD_NS = 50_000_000
 STAMPS = [1_600_000_000 * NANOSECONDS + index * PERIOD_NS for index in range(8)]
@@ -104,8 +104,48 @@ def test_player_keeps_the_recorded_pace_times_rate(peer, start, bag):
     arrivals: list[float] = []
     peer.node.create_subscription(Image, 'image_raw', lambda _: arrivals.append(now_s(peer)), 10)
     play(peer, start, bag, '-p', 'rate:=0.5')
-    assert len(ticks) == 9
+    assert len(ticks) == 17
     assert arrivals[-1] - arrivals[0] == pytest.approx(7 * 0.05 / 0.5, abs=0.1)
+
+
+def clock_ns(ticks) -> list[int]:
+    return [tick.clock.sec * NANOSECONDS + tick.clock.nanosec for tick in ticks]
+
+
+def test_the_clock_is_when_messages_were_recorded_and_does_not_go_back(peer, start, tmp_path):
+    """Two cameras whose stamps are 30 and 700 ms old when they are recorded; the writer was late with one message."""
+    path, log = tmp_path / 'flight.mcap', [STAMPS[0] + ms * 1_000_000 for ms in (0, 10, 20, 5, 30)]
+    with BagWriter(path, compress=False) as writer:
+        for index, recorded in enumerate(log):
+            topic, age_ns = (('/image_raw', 30_000_000), ('/rear/image_raw', 700_000_000))[index % 2]
+            picture = messages.image(np.zeros((600, 700, 3), np.uint8), recorded - age_ns, 'eye')  # a chunk each
+            writer.write(topic, picture, recorded)
+    images, ticks = peer.listen(Image, 'image_raw'), peer.listen(Clock, '/clock')
+    play(peer, start, path)
+    assert len(images) == 3
+    assert clock_ns(ticks) == [log[0], log[1], log[2], log[2], log[4]]
+
+
+def test_a_bag_without_images_has_a_clock(peer, start, tmp_path):
+    path, ticks = tmp_path / 'imu.mcap', peer.listen(Clock, '/clock')
+    with BagWriter(path) as writer:
+        for stamp in STAMPS:
+            writer.write('/imu', messages.make(messages.IMU), stamp)
+    rates = peer.listen(Imu, 'imu')
+    process = start('bag_player', '-p', f'bag:={path}', '-p', 'loop:=true', '-p', 'rate:=2')
+    assert peer.until(lambda: len(ticks) > 16)
+    assert rates
+    assert set(clock_ns(ticks)) == set(STAMPS)
+    falls = np.flatnonzero(np.diff(clock_ns(ticks)) < 0)
+    assert {clock_ns(ticks)[index + 1] for index in falls} == {STAMPS[0]}  # the next round of the loop only
+    assert process.poll() is None
+
+
+def test_a_player_without_clock_leaves_it_to_another(peer, start, bag):
+    images, ticks = peer.listen(Image, 'image_raw'), peer.listen(Clock, '/clock')
+    start('bag_player', '-p', f'bag:={bag}', '-p', 'loop:=true', '-p', 'clock:=false')
+    assert peer.until(lambda: len(images) >= 8)
+    assert (peer.node.count_publishers('/clock'), ticks) == (0, [])
 
 
 def now_s(peer) -> float:
@@ -149,7 +189,7 @@ def test_who_comes_late_hears_the_static_transforms(peer, start, tmp_path):
     """By the topic's name: tf2_msgs, its usual type, has no wheels."""
     path, kind = tmp_path / 'flight.mcap', 'geometry_msgs/msg/TransformStamped'
     with BagWriter(path) as writer:
-        writer.write_raw('/tf_static', kind, serialize(make(kind, child_frame_id='camera')), STAMPS[0])
+        writer.write('/tf_static', messages.make(kind, child_frame_id='camera'), STAMPS[0])
         writer.write_image(picture(0), STAMPS[0])
         writer.write_image(picture(1), STAMPS[0] + 60 * NANOSECONDS)
     images, heard = peer.listen(Image, 'image_raw'), []
