@@ -36,6 +36,7 @@ class ManagedNode(LifecycleNode):
         self.finished: Future = Future()
         self.exit_code = 0
         self._failure = ''
+        self._starting = False
         self._autostart = bool(declare_simple(self, 'autostart', True, 'configure and activate at start'))
         self._subscriptions_made: list[Any] = []
         self._publishers_made: list[LifecyclePublisher] = []
@@ -48,10 +49,11 @@ class ManagedNode(LifecycleNode):
 
     def start(self) -> None:
         """Configure and activate, where ``autostart`` says so. Raises: SourceError where that fails."""
-        if self._autostart:
-            for transition in (self.trigger_configure, self.trigger_activate):
-                if transition() != TransitionCallbackReturn.SUCCESS:
-                    raise SourceError(f'{self.get_name()}: {self._failure or "does not start"}')
+        self._starting = self._autostart
+        for transition in (self.trigger_configure, self.trigger_activate) if self._autostart else ():
+            if transition() != TransitionCallbackReturn.SUCCESS:
+                raise SourceError(self._failure or f'{self.get_name()}: does not start')
+        self._starting = False
 
     def open(self) -> None:
         """Make what outlives an activation: stages, publishers."""
@@ -138,11 +140,11 @@ class ManagedNode(LifecycleNode):
         self._leave()
         return super().on_shutdown(state)
 
-    def fail(self, error: Exception) -> None:
-        """Say why the node cannot work; diagnostics are ERROR until it starts again."""
+    def fail(self, error: Exception, quiet: bool = False) -> None:
+        """Log why the node cannot work, unless ``quiet``; diagnostics are ERROR until it starts again."""
         self._failure = reason_of(error)
         self.stats.count_error(self._failure)
-        if self.context.ok():
+        if self.context.ok() and not quiet:
             self.get_logger().error(self._failure)
 
     def _attempt(self, action: Any) -> TransitionCallbackReturn:
@@ -150,7 +152,7 @@ class ManagedNode(LifecycleNode):
         try:
             action()
         except Exception as error:  # rclpy would swallow it
-            self.fail(error)
+            self.fail(error, quiet=self._starting)  # the process ends with this line
             return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS
 

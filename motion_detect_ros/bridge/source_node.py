@@ -9,7 +9,7 @@ from collections.abc import Callable
 from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode
 from motion_detect_ros.bridge.params import declare_simple
-from motion_detect_ros.core.errors import MotionDetectError
+from motion_detect_ros.core.errors import MotionDetectError, SourceError
 
 #: How long the last message gets to leave before the process ends, seconds.
 LINGER_S = 0.5
@@ -32,6 +32,9 @@ class SourceNode(ManagedNode):
         self._waiting = ''
         self._wait_for = int(declare_simple(
             self, 'wait_for_subscribers', 0, 'subscribers that an image topic must have before the start', 0, 100))
+
+    def prepare(self) -> None:
+        """Open what ``produce`` reads. Raises: SourceError, and the node does not become active."""
 
     def produce(self) -> None:
         """Publish until there is no more, or ``stopped`` is set. Overridden. Raises: SourceError."""
@@ -58,7 +61,12 @@ class SourceNode(ManagedNode):
         return Condition(idle=self._waiting)
 
     def begin(self) -> None:
-        """Start the thread."""
+        """Start the thread. Raises: SourceError where it cannot."""
+        if self._thread:
+            if self._thread.is_alive():
+                raise SourceError(f'{self.get_name()}: the thread of the last activation is still blocked')
+            self._thread = None
+        self.prepare()
         self.stopped.clear()
         self._thread = threading.Thread(target=self._run, name=self.get_name(), daemon=True)
         self._thread.start()
@@ -68,7 +76,8 @@ class SourceNode(ManagedNode):
         self.stopped.set()
         if self._thread:
             self._thread.join(STOP_TIMEOUT_S)
-            self._thread = None
+            if self._thread.is_alive() and self.context.ok():
+                self.get_logger().warning(f'thread still blocked after {STOP_TIMEOUT_S:.0f} s')
 
     def _run(self) -> None:
         try:

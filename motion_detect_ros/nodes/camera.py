@@ -22,6 +22,9 @@ READ_TIMEOUT_S = 0.2
 class CameraNode(SourceNode):
     """Publishes pictures as they come, late ones left out, and says when it falls behind."""
 
+    #: Of the present activation.
+    _capture: Capture
+
     def __init__(self) -> None:
         super().__init__('camera')
         self._source = str(declare_simple(
@@ -32,8 +35,6 @@ class CameraNode(SourceNode):
         self._of = int(declare_simple(self, 'decimation_of', 1, '... of every so many pictures', 1, 1000))
         self._queue_size = int(declare_simple(self, 'queue_size', 2, 'pictures that may wait', 1, 1000))
         self._realtime = bool(declare_simple(self, 'realtime', True, 'play files at their own pace, drop late ones'))
-        self._unused: Capture | None = self._opened()
-        self._capture = self._unused
         self._drops = 0
         self._began_s = 0.0
 
@@ -43,18 +44,30 @@ class CameraNode(SourceNode):
         self._jpegs = TopicPublisher(self, COMPRESSED)
         self._infos = TopicPublisher(self, CAMERA_INFO)
 
+    def prepare(self) -> None:
+        """Open the device."""
+        self._capture = Capture(
+            self._source, self._fps or None, self._keep, self._of, self._queue_size, self._realtime)
+        self._drops, self._began_s = 0, time.monotonic()
+
     def produce(self) -> None:
-        """Capture and publish; a device that was let go of is opened anew."""
-        self.await_subscribers(lambda: max(self._images.listeners, self._jpegs.listeners))
-        capture = self._capture = self._unused or self._opened()
-        self._unused, self._drops, self._began_s = None, 0, time.monotonic()
-        with capture:
+        """Capture and publish until the source ends."""
+        capture = self._capture
+        try:
+            self.await_subscribers(lambda: max(self._images.listeners, self._jpegs.listeners))
+            self._began_s = time.monotonic()
+            if not self.stopped.is_set():
+                capture.start()
             while not self.stopped.is_set():
                 frame = capture.read(READ_TIMEOUT_S)
                 if frame is not None:
                     self._publish(frame)
                 elif capture.ended:
                     return
+        finally:
+            capture.close()
+            if capture.blocked and self.context.ok():
+                self.get_logger().warning(f'{self._source}: the driver does not answer and keeps the device until then')
 
     def condition(self) -> Condition:
         """A camera that gives no pictures has failed; one whose pictures are dropped is too fast for us."""
@@ -67,11 +80,8 @@ class CameraNode(SourceNode):
 
     def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
         """Counts of the capture, and how often a stream was opened anew."""
-        stats = vars(self._capture.stats)
+        stats = vars(self._capture.stats) if self.active else {}
         return tuple((key if key == 'reconnects' else f'capture_{key}', str(value)) for key, value in stats.items())
-
-    def _opened(self) -> Capture:
-        return Capture(self._source, self._fps or None, self._keep, self._of, self._queue_size, self._realtime)
 
     def _publish(self, frame: SourceFrame) -> None:
         start = time.perf_counter()

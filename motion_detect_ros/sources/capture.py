@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Generator
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
@@ -19,7 +20,7 @@ from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.types import NANOSECONDS, CameraModel
 from motion_detect_ros.sources.frames import FrameSource, SourceFrame
-from motion_detect_ros.sources.live import LiveFrames, is_address
+from motion_detect_ros.sources.live import TIMEOUT_MS, LiveFrames, is_address
 from motion_detect_ros.sources.opening import open_source
 
 #: Pictures looked at for ``behind``, and the share of them that may be dropped before it is said.
@@ -27,8 +28,8 @@ _BEHIND_WINDOW = 30
 _BEHIND_SHARE = 0.1
 #: Capture times kept for the rate.
 _RATE_WINDOW = 60
-#: A stopped thread has this long to come back from the driver, s.
-_JOIN_TIMEOUT_S = 2.0
+#: A stopped thread has this long to come back from the driver, s: a little more than a call there may take.
+_JOIN_TIMEOUT_S = TIMEOUT_MS / 1e3 + 0.5
 
 
 @dataclass(frozen=True)
@@ -83,8 +84,12 @@ class Capture:
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name='capture', daemon=True)
 
-    def __enter__(self) -> Self:
+    def start(self) -> None:
+        """Take pictures from now on."""
         self._thread.start()
+
+    def __enter__(self) -> Self:
+        self.start()
         return self
 
     def __exit__(
@@ -130,8 +135,13 @@ class Capture:
                 self._captured, self._delivered, self._dropped, (len(times) - 1) / span_s if span_s else 0.0,
                 self._live.reconnects if self._live else 0, dropped > _BEHIND_SHARE * _BEHIND_WINDOW)
 
+    @property
+    def blocked(self) -> bool:
+        """After ``close``: the driver has not come back, the thread lets go of the device when it does."""
+        return self._stop.is_set() and self._thread.is_alive()
+
     def close(self) -> None:
-        """Stop the thread and let go of the device."""
+        """Stop the thread and let go of the device, in a bounded time; see ``blocked``."""
         self._stop.set()
         if self._live is not None:
             self._live.stop()
@@ -139,14 +149,17 @@ class Capture:
             self._changed.notify_all()
         if self._thread.is_alive():
             self._thread.join(_JOIN_TIMEOUT_S)
+        elif self._live is not None:
+            self._live.release()
 
     def _run(self) -> None:
         error = None
         try:
-            for frame in self._paced_frames():
-                if self._stop.is_set():
-                    break
-                self._offer(frame)
+            with closing(self._paced_frames()) as frames:
+                for frame in frames:
+                    if self._stop.is_set():
+                        break
+                    self._offer(frame)
         except SourceError as problem:
             error = problem
         except Exception as problem:  # must not look like the end of the stream
@@ -156,7 +169,7 @@ class Capture:
                 self._error, self._ended = error, True
                 self._changed.notify_all()
 
-    def _paced_frames(self) -> Iterator[SourceFrame]:
+    def _paced_frames(self) -> Generator[SourceFrame, None, None]:
         """The frames of the source; those of a file no earlier than their stamps allow."""
         start_s, first_ns = monotonic(), None
         for frame in self._frames:

@@ -17,8 +17,9 @@ from motion_detect_ros.sources.video import open_capture
 #: Waiting time before the first attempt to reconnect, and the most it doubles up to, s.
 FIRST_BACK_OFF_S = 0.5
 LONGEST_BACK_OFF_S = 10.0
-#: A stream that says nothing for so long is lost (OpenCV's own default is 30 s), ms.
-_STREAM_TIMEOUT_MS = 5000
+#: A device or stream that does not open or gives no picture for so long is lost (OpenCV's own default for streams is
+#: 30 s), ms: as a blocked call cannot be interrupted, this is also what stopping may take.
+TIMEOUT_MS = 4000
 
 
 def is_address(source: str) -> bool:
@@ -57,13 +58,16 @@ class LiveFrames:
                 yield SourceFrame(index, image, time.time_ns())
                 index += 1
         finally:
-            if self._capture is not None:
-                self._capture.release()
+            self.release()
+
+    def release(self) -> None:
+        """Let go of the device; for the thread that iterates, or where none does."""
+        if self._capture is not None:
+            self._capture.release()
+            self._capture = None
 
     def _open(self) -> cv2.VideoCapture:
-        if self.source.isdigit():
-            return open_capture(int(self.source))
-        return open_capture(self.source, _STREAM_TIMEOUT_MS)
+        return open_capture(int(self.source) if self.source.isdigit() else self.source, TIMEOUT_MS)
 
     def _read(self) -> ByteArray | None:
         if self._capture is None:
@@ -73,9 +77,7 @@ class LiveFrames:
 
     def _reconnect(self) -> None:
         """Open again until it works or ``stop`` is called, waiting twice as long after every failure."""
-        if self._capture is not None:
-            self._capture.release()
-            self._capture = None
+        self.release()
         wait_s = FIRST_BACK_OFF_S
         while not self._stop.wait(wait_s):
             try:

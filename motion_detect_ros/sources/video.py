@@ -25,10 +25,13 @@ _QUIET = '-8'  # AV_LOG_QUIET: FFmpeg prints to stderr what we say ourselves in 
 def open_capture(address: str | int, timeout_ms: int | None = None) -> cv2.VideoCapture:
     """An opened OpenCV capture of a file, address or camera number.
 
-    timeout_ms: how long a stream may take to open and to give a picture. Raises: SourceError where it does not open.
+    timeout_ms: how long a device or stream may take to open and to give a picture (a Video4Linux device takes whole
+    seconds, those of the first that is opened). Raises: SourceError where it does not open.
     """
     os.environ.setdefault('OPENCV_FFMPEG_LOGLEVEL', _QUIET)
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    if timeout_ms is not None:
+        os.environ.setdefault('OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT', str(max(1, timeout_ms // 1000)))
     if isinstance(address, int):
         capture = cv2.VideoCapture(address)
     else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Iterator
@@ -145,3 +146,65 @@ def test_a_stream_that_breaks_is_opened_again(stream: str) -> None:
     stamps = [frame.stamp_ns for frame in frames]
     assert before < stamps[0]
     assert stamps == sorted(set(stamps))
+
+
+class StallingHandler(MjpegHandler):
+    """Serves ten pictures, then says nothing more until the other side hangs up."""
+
+    def do_GET(self) -> None:
+        super().do_GET()
+        self.server.stalled.set()
+        with contextlib.suppress(ConnectionResetError):  # where it had not taken all pictures
+            while self.connection.recv(4096):
+                pass
+        self.server.left.set()
+
+
+@pytest.fixture
+def stalling() -> Iterator[ThreadingHTTPServer]:
+    """``stalled``: no picture will come any more; ``left``: the client has closed the connection."""
+    with ThreadingHTTPServer(('127.0.0.1', 0), StallingHandler) as server:
+        server.daemon_threads = True
+        server.stalled, server.left = threading.Event(), threading.Event()
+        server.url = f'http://127.0.0.1:{server.server_port}/stream.mjpg'
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield server
+        server.shutdown()
+
+
+def readers() -> list[str]:
+    return [thread.name for thread in threading.enumerate() if thread.name == 'capture']
+
+
+def test_closing_a_stalled_stream_lets_go_of_it(stalling: ThreadingHTTPServer) -> None:
+    with Capture(stalling.url) as capture:
+        while capture.read(1.0) is not None:
+            pass
+        assert stalling.stalled.is_set()
+    assert readers() == []
+    assert not capture.blocked
+    assert stalling.left.wait(5.0)
+
+
+def test_closing_a_stream_that_was_never_read_lets_go_of_it(stalling: ThreadingHTTPServer) -> None:
+    capture = Capture(stalling.url)
+    assert stalling.stalled.wait(5.0)
+    capture.close()
+    assert not capture.blocked
+    assert stalling.left.wait(5.0)
+
+
+def test_a_driver_that_does_not_come_back_is_told(pictures: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    back = threading.Event()
+
+    def stuck(self: Capture) -> Iterator[None]:
+        yield from iter(back.wait, True)
+
+    monkeypatch.setattr(Capture, '_paced_frames', stuck)
+    monkeypatch.setattr('motion_detect_ros.sources.capture._JOIN_TIMEOUT_S', 0.2)
+    with Capture(pictures) as capture:
+        pass
+    assert capture.blocked
+    back.set()
+    capture.close()
+    assert not capture.blocked
