@@ -21,7 +21,7 @@ ARGUMENTS = (
     ('image_topic', 'image_raw', 'topic of the images'),
     ('camera_info_topic', 'camera_info', 'topic of the calibration'),
     ('image_reliability', 'reliable', 'reliable or best_effort, as the camera driver publishes'),
-    ('compressed', 'false', 'listen to the compressed images of image_topic'),
+    ('compressed', 'false', 'subscribe to the compressed images of image_topic'),
     ('rectified', 'false', 'the images are rectified: matrix P of camera_info holds, not K'),
     ('overlay', 'true', 'start the overlay node'),
     ('cpus', '', 'cores that the nodes may run on, as taskset takes them (0,1 or 0-3); empty = all'),
@@ -35,8 +35,8 @@ def describe(context):
     file = value['params_file']
     file = file if file.endswith(('.yaml', '.yml')) else str(find_config(f'{file}.yaml'))
     common = {'autostart': value['autostart'] == 'true', 'use_sim_time': value['use_sim_time'] == 'true'}
-    listening = {**common, 'image_reliability': value['image_reliability'], 'compressed': value['compressed'] == 'true'}
-    stage = {**listening, 'rectified': value['rectified'] == 'true'}
+    images = {**common, 'image_reliability': value['image_reliability'], 'compressed': value['compressed'] == 'true'}
+    stage = {**images, 'rectified': value['rectified'] == 'true'}
 
     topics = [('image_raw', value['image_topic']), ('image_raw/compressed', f'{value["image_topic"]}/compressed'),
               ('camera_info', value['camera_info_topic'])]
@@ -53,7 +53,7 @@ def describe(context):
     if value['camera'] == 'true':
         nodes.append(node('camera', {**common, 'source': value['source']}))
     if value['overlay'] == 'true':
-        nodes.append(node('overlay', listening))
+        nodes.append(node('overlay', images))
     return nodes
 
 

@@ -1,4 +1,4 @@
-"""What a node tells about itself once a second."""
+"""The health of a node, published once a second."""
 
 from __future__ import annotations
 

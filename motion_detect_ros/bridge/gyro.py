@@ -22,7 +22,7 @@ Sink = Callable[[int, DoubleArray], None]
 
 
 class GyroInput:
-    """Listens until the node is deactivated, in the executor; feeds the stage in its own thread."""
+    """Subscribed until the node is deactivated, in the executor; feeds the stage in its own thread."""
 
     def __init__(self, node: ManagedNode, sink: Sink, time_offset_s: float) -> None:
         self._sink = sink
@@ -30,7 +30,7 @@ class GyroInput:
         node.subscribe(IMU.kind, IMU.name, self._on_imu, imu_qos('best_effort'), qos_overriding_options=overridable())
 
     @property
-    def heard(self) -> bool:
+    def received(self) -> bool:
         """Whether any sample has come."""
         return self._queue.started
 

@@ -44,7 +44,7 @@ def imu_qos(reliability: str = 'reliable') -> QoSProfile:
 
 
 def latched_qos() -> QoSProfile:
-    """For ``/tf_static``: whoever comes late hears it too."""
+    """For ``/tf_static``: late subscribers get it too."""
     return QoSProfile(history=QoSHistoryPolicy.KEEP_LAST, depth=LATCHED_DEPTH,
                       reliability=QoSReliabilityPolicy.RELIABLE, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
 

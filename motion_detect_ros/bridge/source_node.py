@@ -15,7 +15,7 @@ from motion_detect_ros.core.errors import MotionDetectError, SourceError
 LINGER_S = 0.5
 #: How long a stopped thread gets, seconds.
 STOP_TIMEOUT_S = 5.0
-#: How often it looks whether enough subscribers are there, how long others get to be found after them, seconds.
+#: How often subscribers are counted, how long others get to be found after them, seconds.
 POLL_S = 0.02
 SETTLE_S = 0.5
 FOLLOW_S = 2.0
@@ -43,7 +43,7 @@ class SourceNode(ManagedNode):
     def await_subscribers(self, count: Callable[[], int], followers: Callable[[], int] = lambda: 1) -> None:
         """Returns once ``count()`` is what the user waits for, or when ``stopped``.
 
-        ``followers``: listeners of what goes along with the images; at least one gets FOLLOW_S to be found.
+        ``followers``: subscribers of what goes along with the images; at least one gets FOLLOW_S to be found.
         """
         if not self._wait_for:
             return

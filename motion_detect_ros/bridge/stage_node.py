@@ -50,7 +50,7 @@ class StageNode(ManagedNode):
             self, 'image_reliability', 'reliable', 'reliability asked of image publishers',
             choices=('reliable', 'best_effort')))
         self._compressed = bool(declare_simple(
-            self, 'compressed', False, 'listen to image_raw/compressed instead of image_raw'))
+            self, 'compressed', False, 'subscribe to image_raw/compressed instead of image_raw'))
         self._rectified = bool(declare_simple(
             self, 'rectified', False, 'the images are rectified: camera_info matrix P holds, not K'))
         self._queue_size = int(declare_simple(
@@ -69,7 +69,7 @@ class StageNode(ManagedNode):
         """Make publishers and the stage. Overridden."""
 
     def work(self, header: Header, image: npt.NDArray[np.uint8], *values: Any) -> None:
-        """Process one image and what the ``inputs`` say about it, and publish with its header. Overridden."""
+        """Process one image and what the ``inputs`` hold of it, and publish with its header. Overridden."""
         raise NotImplementedError
 
     def use_camera(self, camera: CameraModel) -> None:
@@ -89,14 +89,14 @@ class StageNode(ManagedNode):
         self.make_stage()
 
     def begin(self) -> None:
-        """Listen."""
+        """Subscribe."""
         self._decimation.reset()
         # A stage that joins what another made of each image needs neighbours; the first one may jump.
         self._worker = Worker(self._guarded, self._queue_size, self.stats.count_dropped, jumps=not self.inputs)
         quality = image_qos(self._reliability, SUBSCRIPTION_DEPTH)
-        self._hear(COMPRESSED if self._compressed else IMAGE, 'image', quality)
+        self._subscribe_input(COMPRESSED if self._compressed else IMAGE, 'image', quality)
         for topic in self.inputs:
-            self._hear(topic, topic.name, image_qos('reliable', SUBSCRIPTION_DEPTH))
+            self._subscribe_input(topic, topic.name, image_qos('reliable', SUBSCRIPTION_DEPTH))
         sink = self.gyro_sink() if self.config.imu.use else None
         self._gyro = GyroInput(self, sink, self.config.imu.time_offset_s) if sink else None
         self.subscribe(CAMERA_INFO.kind, CAMERA_INFO.name, self._on_camera, image_qos(self._reliability))
@@ -109,17 +109,18 @@ class StageNode(ManagedNode):
         self._join.clear()
 
     def condition(self) -> Condition:
-        """Lags while images pile up in the mailbox; misses the IMU that it was told to use."""
+        """Lags while images pile up in the mailbox; gets nothing on imu though it is to use it."""
         waiting = self._worker.waiting if self._worker else 0
         lag = f'lags, {waiting} images wait' if waiting > WAITING_IMAGES else ''
-        return Condition(concern=lag or ('nothing heard on imu yet' if self._gyro and not self._gyro.heard else ''))
+        no_imu = 'nothing received on imu yet' if self._gyro and not self._gyro.received else ''
+        return Condition(concern=lag or no_imu)
 
     def locked(self, action: Callable[[], None]) -> None:
         """Run something between two frames."""
         with self._busy:
             action()
 
-    def _hear(self, topic: Topic, name: str, quality: QoSProfile) -> None:
+    def _subscribe_input(self, topic: Topic, name: str, quality: QoSProfile) -> None:
         self.subscribe(topic.kind, topic.name, lambda msg: self._on_input(name, msg), quality,
                        qos_overriding_options=overridable())
 

@@ -19,8 +19,8 @@ class ExactJoin:
         """All items of ``stamp_ns`` in the order of the names, once the last has come; None until then.
 
         A complete set discards sets of earlier stamps, which can only be incomplete, and counts them as dropped;
-        so do sets over ``capacity``, oldest arrival first. Where the stamps of a name go back, what it said of later
-        times is of another run of the clock and must not meet the present one: it is forgotten.
+        so do sets over ``capacity``, oldest arrival first. Where the stamps of a name go back, its items of later
+        times are of another run of the clock and must not meet the present one: they are forgotten.
         """
         if stamp_ns < self._latest.get(name, stamp_ns):
             self._forget_later(name, stamp_ns)

@@ -73,8 +73,8 @@ class TopicPublisher:
         self._publisher.publish(self._topic.to_msg(value, header))
 
     @property
-    def listeners(self) -> int:
-        """How many subscriptions hear it."""
+    def subscribers(self) -> int:
+        """How many subscriptions match it."""
         return int(self._publisher.get_subscription_count())
 
 
@@ -91,7 +91,7 @@ class DetectionPublisher:
     def publish(self, records: RecordArray, header: Header) -> None:
         """records: dtype ``DETECTION_DTYPE``; header: of the image they were seen in."""
         self._records.publish(records, header)
-        if self._boxes and self._boxes.listeners:
+        if self._boxes and self._boxes.subscribers:
             self._boxes.publish(records, header)
 
 

@@ -22,7 +22,7 @@ UNKNOWN_AGE_MS = float('nan')
 LATE_S = 0.1
 #: Between two rounds of a loop, seconds.
 LOOP_PAUSE_S = 0.01
-#: Said once and heard by whoever comes later.
+#: Published once and kept for late subscribers.
 STATIC_TRANSFORMS = 'tf_static'
 
 
@@ -58,7 +58,7 @@ class BagPlayerNode(SourceNode):
     def produce(self) -> None:
         """Play, again and again where ``loop`` says so."""
         if self._images:
-            self.await_subscribers(self._listeners, lambda: self._ticks.listeners if self._ticks else 1)
+            self.await_subscribers(self._subscribers, lambda: self._ticks.subscribers if self._ticks else 1)
         if not self._publishers_of:
             raise SourceError(f'{self._bag}: expected a topic whose type is installed, got none')
         self._play_once()
@@ -72,7 +72,7 @@ class BagPlayerNode(SourceNode):
         idle = super().condition().idle or ('' if concern else f'playing {self._bag}')
         return Condition(concern=concern, idle=idle)
 
-    def _listeners(self) -> int:
+    def _subscribers(self) -> int:
         """Of the image topic that has most."""
         return max((self._publishers_of[name].get_subscription_count() for name in self._images), default=0)
 

@@ -20,7 +20,7 @@ READ_TIMEOUT_S = 0.2
 
 
 class CameraNode(SourceNode):
-    """Publishes pictures as they come, late ones left out, and says when it falls behind."""
+    """Publishes pictures as they come, late ones left out, and warns when it falls behind."""
 
     #: Of the present activation.
     _capture: Capture
@@ -39,7 +39,7 @@ class CameraNode(SourceNode):
         self._began_s = 0.0
 
     def open(self) -> None:
-        """Publishers; JPEG only while someone listens to it."""
+        """Publishers; JPEG only while someone subscribes to it."""
         self._images = TopicPublisher(self, IMAGE)
         self._jpegs = TopicPublisher(self, COMPRESSED)
         self._infos = TopicPublisher(self, CAMERA_INFO)
@@ -54,7 +54,7 @@ class CameraNode(SourceNode):
         """Capture and publish until the source ends."""
         capture = self._capture
         try:
-            self.await_subscribers(lambda: max(self._images.listeners, self._jpegs.listeners))
+            self.await_subscribers(lambda: max(self._images.subscribers, self._jpegs.subscribers))
             self._began_s = time.monotonic()
             if not self.stopped.is_set():
                 capture.start()
@@ -91,7 +91,7 @@ class CameraNode(SourceNode):
         try:
             self._infos.publish(camera_to_msg(self._capture.camera, width, height, header))
             self._images.publish(frame.image, header)
-            if self._jpegs.listeners:
+            if self._jpegs.subscribers:
                 self._jpegs.publish(frame.image, header)
         except MotionDetectError as error:
             self.bad_input(error)

@@ -1,4 +1,4 @@
-"""``overlay``: image_raw + detections, flow -> pictures and markers for people, only when someone looks."""
+"""``overlay``: image_raw + detections, flow -> pictures and markers for people, only while someone subscribes."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from motion_detect_ros.bridge.topics import (
 from motion_detect_ros.core.drawing import draw_detections, flow_to_color
 from motion_detect_ros.sources.encoding import ImageDecoder
 
-#: How often it looks whether someone listens, seconds; images that may wait for their detections.
-LOOK_PERIOD_S = 0.5
+#: How often its subscribers are counted, seconds; images that may wait for their detections.
+DEMAND_PERIOD_S = 0.5
 WAITING = 10
 
 
@@ -43,14 +43,14 @@ class OverlayNode(ManagedNode):
             self, 'image_reliability', 'reliable', 'reliability asked of image publishers',
             choices=('reliable', 'best_effort')))
         compressed = bool(declare_simple(
-            self, 'compressed', False, 'listen to image_raw/compressed instead of image_raw'))
+            self, 'compressed', False, 'subscribe to image_raw/compressed instead of image_raw'))
         self._image = COMPRESSED if compressed else IMAGE
         self._join = ExactJoin(('image', 'detections'), WAITING)
         self._decoder = ImageDecoder()
         self._markers = MarkerWriter()
         self._drops = 0
-        self._heard: tuple[Topic, ...] = ()
-        self.every(LOOK_PERIOD_S, self._look)
+        self._inputs: tuple[Topic, ...] = ()
+        self.every(DEMAND_PERIOD_S, self._follow_demand)
 
     def open(self) -> None:
         """Publishers; ``~/overlay/compressed`` is JPEG."""
@@ -60,8 +60,8 @@ class OverlayNode(ManagedNode):
         self._rays = TopicPublisher(self, MARKERS)
 
     def end(self) -> None:
-        """Listen to nothing."""
-        self._heard = ()
+        """Subscribe to nothing."""
+        self._inputs = ()
         self._join.clear()
 
     def reset(self) -> None:
@@ -69,22 +69,23 @@ class OverlayNode(ManagedNode):
         self._join.clear()
 
     def condition(self) -> Condition:
-        """Idle while nobody looks, or what is to be shown does not exist yet."""
-        absent = [topic.name for topic in self._heard if not self.count_publishers(self.resolve_topic_name(topic.name))]
+        """Idle without subscribers, or while what is to be shown does not exist yet."""
+        names = [topic.name for topic in self._inputs]
+        absent = [name for name in names if not self.count_publishers(self.resolve_topic_name(name))]
         waits = f'no publisher of {", ".join(absent)} yet' if absent else ''
-        return Condition(idle=waits if self._heard else 'nobody looks')
+        return Condition(idle=waits if self._inputs else 'no subscribers')
 
-    def _look(self) -> None:
+    def _follow_demand(self) -> None:
         if not self.active:
             return
-        if not self._rays.listeners:
+        if not self._rays.subscribers:
             self._markers.clear()
         wanted = self._wanted()
-        if wanted == self._heard:
+        if wanted == self._inputs:
             return
         self.unsubscribe()
         self._join.clear()
-        self._heard = wanted
+        self._inputs = wanted
         quality = image_qos(self._reliability)
         if self._image in wanted:
             self.subscribe(self._image.kind, self._image.name, self._on_image, quality)
@@ -94,19 +95,19 @@ class OverlayNode(ManagedNode):
             self.subscribe(FLOW.kind, FLOW.name, self._on_flow, quality)
 
     def _wanted(self) -> tuple[Topic, ...]:
-        pictures = self._overlay.listeners + self._jpeg.listeners > 0
+        pictures = self._overlay.subscribers + self._jpeg.subscribers > 0
         return tuple(topic for topic, wanted in (
-            (self._image, pictures), (DETECTIONS, pictures or self._rays.listeners > 0),
-            (FLOW, self._colors.listeners > 0)) if wanted)
+            (self._image, pictures), (DETECTIONS, pictures or self._rays.subscribers > 0),
+            (FLOW, self._colors.subscribers > 0)) if wanted)
 
     def _on_image(self, msg: Any) -> None:
         self.stats.count_received(time.monotonic_ns())
         self._join_with('image', msg)
 
     def _on_detections(self, msg: Any) -> None:
-        if self._image in self._heard:
+        if self._image in self._inputs:
             self._join_with('detections', msg)
-        if self._rays.listeners:
+        if self._rays.subscribers:
             self.stats.count_received(time.monotonic_ns())
             self._show(lambda: self._rays.publish(self._markers.message(DETECTIONS.from_msg(msg), msg.header)), msg)
 
@@ -124,7 +125,7 @@ class OverlayNode(ManagedNode):
     def _draw(self, image: Any, detections: Any) -> None:
         picture = draw_detections(image_from_msg(image, self._decoder), DETECTIONS.from_msg(detections))
         for publisher in (self._overlay, self._jpeg):
-            if publisher.listeners:
+            if publisher.subscribers:
                 publisher.publish(picture, image.header)
 
     def _show(self, action: Callable[[], None], msg: Any) -> None:

@@ -15,7 +15,7 @@ from motion_detect_ros.core.types import ByteArray, CameraModel
 
 
 class PipelineNode(StageNode):
-    """Publishes what the three stage nodes would; flow only when someone listens."""
+    """Publishes what the three stage nodes would; flow only while someone subscribes."""
 
     def __init__(self) -> None:
         super().__init__('pipeline')
@@ -38,7 +38,7 @@ class PipelineNode(StageNode):
         result = self._pipeline.process(image, stamp_ns(header))
         self._publisher.publish(result.detections, header)
         self._ego_publisher.publish(result.ego, header)
-        if self._flow_publisher.listeners:
+        if self._flow_publisher.subscribers:
             self._flow_publisher.publish(result.flow, header)
         times = tuple((f'{name}_ms', f'{value:.2f}') for name, value in vars(result.times_ms).items())
         self._latest = (

@@ -23,7 +23,7 @@ from motion_detect_ros.sources.frames import FrameSource, SourceFrame
 from motion_detect_ros.sources.live import TIMEOUT_MS, LiveFrames, is_address
 from motion_detect_ros.sources.opening import open_source
 
-#: Pictures looked at for ``behind``, and the share of them that may be dropped before it is said.
+#: Pictures looked at for ``behind``, and the share of them that may be dropped before it is reported.
 _BEHIND_WINDOW = 30
 _BEHIND_SHARE = 0.1
 #: Capture times kept for the rate.

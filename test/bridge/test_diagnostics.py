@@ -1,4 +1,4 @@
-"""What a node says about itself, against counts and times made by hand."""
+"""The health of a node, against counts and times made by hand."""
 
 from __future__ import annotations
 
@@ -155,10 +155,10 @@ def test_a_fault_is_an_error_whatever_else():
 
 
 def test_an_idle_node_neither_misses_inputs_nor_drops_but_errors_count():
-    idle, stats = Condition(idle='nobody looks'), StageStats()
+    idle, stats = Condition(idle='no subscribers'), StageStats()
     stats.count_dropped()
     found = status(stats, 60.0, condition=idle)
-    assert (found.level, found.message) == (DiagnosticStatus.OK, 'nobody looks')
+    assert (found.level, found.message) == (DiagnosticStatus.OK, 'no subscribers')
     stats.count_error('bad', 59 * SECOND)
     assert status(stats, 60.0, condition=idle).level == DiagnosticStatus.WARN
 

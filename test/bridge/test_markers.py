@@ -1,4 +1,4 @@
-"""Rays for RViz: where they point, what they say, and that they go away."""
+"""Rays for RViz: where they point, what their labels are, and that they go away."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ def objects(*ids: int, ttc: float = np.nan) -> np.ndarray:
     return records
 
 
-def said(message: MarkerArray) -> list[tuple[int, str, int]]:
+def summary(message: MarkerArray) -> list[tuple[int, str, int]]:
     return [(marker.action, marker.ns, marker.id) for marker in message.markers]
 
 
 def test_a_ray_of_one_metre_along_the_bearing_with_its_label():
     message = MarkerWriter().message(objects(7, ttc=2.34), HEADER)
     arrow, label = message.markers
-    assert said(message) == [(Marker.ADD, 'bearing', 7), (Marker.ADD, 'label', 7)]
+    assert summary(message) == [(Marker.ADD, 'bearing', 7), (Marker.ADD, 'label', 7)]
     assert (arrow.type, label.type) == (Marker.ARROW, Marker.TEXT_VIEW_FACING)
     start, tip = arrow.points
     assert (start.x, start.y, start.z) == (0.0, 0.0, 0.0)
@@ -48,12 +48,12 @@ def test_unknown_and_endless_times_are_not_written(ttc: float):
 def test_vanished_objects_are_deleted_once():
     writer = MarkerWriter()
     writer.message(objects(1, 2), HEADER)
-    assert said(writer.message(objects(2), HEADER)) == [
+    assert summary(writer.message(objects(2), HEADER)) == [
         (Marker.ADD, 'bearing', 2), (Marker.ADD, 'label', 2),
         (Marker.DELETE, 'bearing', 1), (Marker.DELETE, 'label', 1)]
-    assert said(writer.message(objects(2), HEADER)) == [(Marker.ADD, 'bearing', 2), (Marker.ADD, 'label', 2)]
+    assert summary(writer.message(objects(2), HEADER)) == [(Marker.ADD, 'bearing', 2), (Marker.ADD, 'label', 2)]
     writer.clear()
-    assert said(writer.message(objects(), HEADER)) == []
+    assert summary(writer.message(objects(), HEADER)) == []
 
 
 def test_without_calibration_there_are_no_rays():

@@ -1,4 +1,4 @@
-"""Parameters of a real node: what is declared, what is taken, what is refused and how it is said."""
+"""Parameters of a real node: what is declared, what is taken, what is refused and in which words."""
 
 from __future__ import annotations
 

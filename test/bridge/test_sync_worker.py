@@ -80,7 +80,7 @@ def test_after_a_jump_back_nothing_of_the_earlier_run_meets_the_present_one():
         assert join.add('image', stamp, f'i{stamp}') == (f'i{stamp}', f'f{stamp}')
 
 
-def test_what_the_other_topic_said_before_its_own_jump_is_forgotten_with_it():
+def test_items_of_the_other_topic_before_its_own_jump_are_forgotten_with_it():
     join = ExactJoin(('image', 'flow'), 10)
     join.add('image', 9, 'old')
     join.add('image', 1, 'i1')

@@ -1,4 +1,4 @@
-"""A peer that talks to the nodes over DDS as a user's node would, and what it says to them."""
+"""A peer of the nodes over DDS, as a user's node would be, and what it publishes to them."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ class Peer:
         self.node = rclpy.create_node('peer', context=self._context, namespace=namespace)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
-        self.heard: dict[str, list[Any]] = {}
+        self._received: dict[str, list[Any]] = {}
 
-    def listen(self, kind: Any, topic: str, depth: int = 100) -> list[Any]:
+    def subscribe(self, kind: Any, topic: str, depth: int = 100) -> list[Any]:
         """Messages of a topic, as they come."""
-        heard = self.heard.setdefault(topic, [])
-        self.node.create_subscription(kind, topic, heard.append, depth)
-        return heard
+        received = self._received.setdefault(topic, [])
+        self.node.create_subscription(kind, topic, received.append, depth)
+        return received
 
-    def speak(self, kind: Any, topic: str, *, best_effort: bool = False) -> Any:
+    def advertise(self, kind: Any, topic: str, *, best_effort: bool = False) -> Any:
         """A publisher."""
         reliability = QoSReliabilityPolicy.BEST_EFFORT if best_effort else QoSReliabilityPolicy.RELIABLE
         return self.node.create_publisher(kind, topic, QoSProfile(depth=10, reliability=reliability))

@@ -55,7 +55,7 @@ def state(peer) -> int:
 
 
 def test_the_device_is_open_while_the_node_is_active(peer, start, stream):
-    images = peer.listen(Image, 'image_raw')
+    images = peer.subscribe(Image, 'image_raw')
     address = f'http://127.0.0.1:{stream.server_port}/stream.mjpg'
     start('camera', '-p', 'autostart:=false', '-p', f'source:={address}')
     assert change(peer, Transition.TRANSITION_CONFIGURE)
@@ -70,7 +70,7 @@ def test_the_device_is_open_while_the_node_is_active(peer, start, stream):
 
 
 def test_a_wrong_source_makes_activation_fail_with_its_reason(peer, start):
-    reports = peer.listen(DiagnosticArray, '/diagnostics')
+    reports = peer.subscribe(DiagnosticArray, '/diagnostics')
     process = start('camera', '-p', 'autostart:=false', '-p', 'source:=87')
     assert change(peer, Transition.TRANSITION_CONFIGURE)
     for _ in range(2):

@@ -19,10 +19,10 @@ def shelves(index: int) -> np.ndarray:
     return np.repeat(picture[:, :, None], 3, axis=2)
 
 
-def test_a_camera_that_goes_right_says_so(peer, start):
+def test_a_camera_that_goes_right_is_measured_so(peer, start):
     start('ego_motion', *small('ego_motion.relative_pose:=true'))
-    answers = peer.listen(PointCloud2, 'ego_motion')
-    images, infos = peer.speak(Image, 'image_raw'), peer.speak(CameraInfo, 'camera_info')
+    answers = peer.subscribe(PointCloud2, 'ego_motion')
+    images, infos = peer.advertise(Image, 'image_raw'), peer.advertise(CameraInfo, 'camera_info')
     assert ready(peer, 'image_raw')
     assert ready(peer, 'camera_info')
     infos.publish(CameraInfo(width=320, height=240, k=[300.0, 0.0, 159.5, 0.0, 300.0, 119.5, 0.0, 0.0, 1.0]))

@@ -1,4 +1,4 @@
-"""What nodes say of their own health on /diagnostics while things go well, badly, or not at all."""
+"""Health of the nodes on /diagnostics while things go well, badly, or not at all."""
 
 from __future__ import annotations
 
@@ -24,50 +24,50 @@ class Health:
 
     def __init__(self, peer: Peer) -> None:
         self._peer = peer
-        self._heard = peer.listen(DiagnosticArray, '/diagnostics')
+        self._messages = peer.subscribe(DiagnosticArray, '/diagnostics')
 
     @property
     def reports(self) -> list[tuple[bytes, str]]:
-        return [(message.status[0].level, message.status[0].message) for message in self._heard]
+        return [(message.status[0].level, message.status[0].message) for message in self._messages]
 
     def next(self, count: int = 1) -> list[tuple[bytes, str]]:
         """The reports that come from now on."""
-        before = len(self._heard)
-        assert self._peer.until(lambda: len(self._heard) >= before + count)
+        before = len(self._messages)
+        assert self._peer.until(lambda: len(self._messages) >= before + count)
         return self.reports[before:before + count]
 
-    def says(self, level: bytes, words: str, timeout_s: float = 20.0) -> bool:
+    def reported(self, level: bytes, words: str, timeout_s: float = 20.0) -> bool:
         """Whether such a report comes in time."""
         return self._peer.until(lambda: any(
             found == level and words in text for found, text in self.reports), timeout_s)
 
     def values(self) -> dict[str, str]:
-        return {pair.key: pair.value for pair in self._heard[-1].status[0].values}
+        return {pair.key: pair.value for pair in self._messages[-1].status[0].values}
 
 
-def test_overlay_that_nobody_looks_at_or_has_nothing_to_show_is_fine(peer, start):
+def test_overlay_that_nobody_subscribes_to_or_has_nothing_to_show_is_fine(peer, start):
     start('overlay')
     health = Health(peer)
-    assert health.next() == [(OK, 'nobody looks')]
-    peer.listen(Image, '/overlay/overlay')
-    assert health.says(OK, 'no publisher of image_raw, detections yet')
-    publisher = peer.speak(Image, 'image_raw')
-    assert health.says(OK, 'no publisher of detections yet')
-    peer.speak(PointCloud2, 'detections')
+    assert health.next() == [(OK, 'no subscribers')]
+    peer.subscribe(Image, '/overlay/overlay')
+    assert health.reported(OK, 'no publisher of image_raw, detections yet')
+    publisher = peer.advertise(Image, 'image_raw')
+    assert health.reported(OK, 'no publisher of detections yet')
+    peer.advertise(PointCloud2, 'detections')
     assert ready(peer, 'image_raw')
     publisher.publish(image_message(0))
-    assert health.says(WARN, 'nothing received for 3 s')
+    assert health.reported(WARN, 'nothing received for 3 s')
     assert {level for level, text in health.reports if 'nothing received' not in text} == {OK}
 
 
 def test_stage_warns_while_it_drops_and_recovers(peer, start):
     start('pipeline', *small('queue_size:=1'))
-    answers, health = peer.listen(PointCloud2, 'detections'), Health(peer)
-    publisher = peer.speak(Image, 'image_raw')
+    answers, health = peer.subscribe(PointCloud2, 'detections'), Health(peer)
+    publisher = peer.advertise(Image, 'image_raw')
     assert ready(peer, 'image_raw')
     for index in range(12):  # as fast as they go: faster than any machine computes them
         publisher.publish(image_message(index))
-    assert health.says(WARN, 'dropped since the last report')
+    assert health.reported(WARN, 'dropped since the last report')
 
     def counts() -> tuple[int, ...]:
         return tuple(int(health.values()[key]) for key in ('received', 'processed', 'dropped'))
@@ -86,27 +86,27 @@ def test_stage_warns_while_it_drops_and_recovers(peer, start):
     assert health.values()['dropped'] == str(dropped)
 
 
-def test_stage_with_a_long_queue_says_that_it_lags(peer, start):
+def test_stage_with_a_long_queue_warns_that_it_lags(peer, start):
     start('pipeline', '-p', 'queue_size:=200', '-p', 'compressed:=true', '-p', 'preprocessing.max_width_px:=1280')
     health = Health(peer)
-    publisher = peer.speak(CompressedImage, 'image_raw/compressed')
+    publisher = peer.advertise(CompressedImage, 'image_raw/compressed')
     assert ready(peer, 'image_raw/compressed')
     _, jpeg = cv2.imencode('.jpg', cv2.resize(picture(0), (1280, 960)))
     large = CompressedImage(format='jpeg', data=jpeg.tobytes())
 
-    def said() -> bool:
+    def lags() -> bool:
         for _ in range(4):  # far faster than any machine computes them
             large.header.stamp.nanosec += 1_000_000
             publisher.publish(large)
         return any(level == WARN and 'images wait' in text for level, text in health.reports)
 
-    assert peer.until(said, 10.0)
+    assert peer.until(lags, 10.0)
 
 
 def test_values_name_what_a_stage_sees(peer, start):
     start('pipeline', *small())
-    answers, health = peer.listen(PointCloud2, 'detections'), Health(peer)
-    publisher = peer.speak(Image, 'image_raw')
+    answers, health = peer.subscribe(PointCloud2, 'detections'), Health(peer)
+    publisher = peer.advertise(Image, 'image_raw')
     assert ready(peer, 'image_raw')
     for index in range(3):
         publisher.publish(image_message(index))
@@ -127,7 +127,7 @@ def test_inactive_node_is_fine(peer, start):
 
 
 class Stalling(BaseHTTPRequestHandler):
-    """An MJPEG stream that says nothing after 40 pictures, then ends and can be asked again."""
+    """An MJPEG stream that stalls after 40 pictures, then ends and can be asked again."""
 
     def do_GET(self) -> None:
         self.send_response(200)
@@ -156,36 +156,36 @@ def stream() -> Iterator[str]:
 def test_camera_whose_stream_stalls_is_in_error_until_it_is_back(peer, start, stream):
     health = Health(peer)
     start('camera', '-p', f'source:={stream}')
-    assert health.says(OK, 'Hz')
-    assert health.says(ERROR, 'nothing received for 3 s')
+    assert health.reported(OK, 'Hz')
+    assert health.reported(ERROR, 'nothing received for 3 s')
     assert peer.until(lambda: health.values()['reconnects'] == '1', 20.0)
     seen = len(health.reports)
     assert peer.until(lambda: OK in [level for level, _ in health.reports[seen:]], 10.0)
 
 
-def test_player_waits_plays_and_says_why_it_ends(peer, start, tmp_path):
+def test_player_waits_plays_and_reports_why_it_ends(peer, start, tmp_path):
     bag = tmp_path / 'flight.mcap'
     with BagWriter(bag) as writer:
         for index in range(3):
             writer.write_image(picture(index), (index + 1) * 1_000_000_000)
     health: Health = Health(peer)
     process = start('bag_player', '-p', f'bag:={bag}', '-p', 'wait_for_subscribers:=1', code=2)
-    assert health.says(OK, 'waiting for 1 subscribers of the images, 0 so far')
+    assert health.reported(OK, 'waiting for 1 subscribers of the images, 0 so far')
     bag.unlink()
-    peer.listen(Image, 'image_raw')
-    assert health.says(ERROR, f'{bag}: no such bag')
+    peer.subscribe(Image, 'image_raw')
+    assert health.reported(ERROR, f'{bag}: no such bag')
     assert peer.until(lambda: process.poll() is not None)
 
 
-def test_player_says_that_a_bag_is_damaged(peer, start, tmp_path):
+def test_player_warns_that_a_bag_is_damaged(peer, start, tmp_path):
     bag = tmp_path / 'flight.mcap'
     with BagWriter(bag, compress=False) as writer:
         for index in range(40):
             writer.write_image(picture(index), (index + 1) * 50_000_000)
     bag.write_bytes(bag.read_bytes()[:-4_000_000])
-    peer.listen(Image, 'image_raw')
+    peer.subscribe(Image, 'image_raw')
     health = Health(peer)
     start('bag_player', '-p', f'bag:={bag}', '-p', 'loop:=true')
-    assert health.says(WARN, 'cut off')
+    assert health.reported(WARN, 'cut off')
 
 

@@ -64,9 +64,9 @@ def offline(path: Path) -> list[EgoMotion]:
 
 
 @pytest.mark.parametrize('node', ['ego_motion', 'pipeline'])
-def test_node_and_replay_agree_and_blank_pictures_turn_as_the_gyro_says(peer, start, tmp_path, node):
+def test_node_and_replay_agree_and_blank_pictures_turn_as_the_gyro_measures(peer, start, tmp_path, node):
     write_flight(tmp_path / 'flight.mcap')
-    answers = peer.listen(PointCloud2, 'ego_motion')
+    answers = peer.subscribe(PointCloud2, 'ego_motion')
     start(node, *small('imu.use:=true', 'queue_size:=30'))
     assert peer.until(lambda: peer.node.count_subscribers('imu') == 1)
     player = start('bag_player', '-p', f'bag:={tmp_path / "flight.mcap"}', '-p', 'wait_for_subscribers:=1')
@@ -83,16 +83,16 @@ def test_node_and_replay_agree_and_blank_pictures_turn_as_the_gyro_says(peer, st
         np.testing.assert_allclose((u / w, v / w), (CAMERA.cx - CAMERA.fx * math.tan(turned), CAMERA.cy), atol=0.02)
 
 
-def test_best_effort_imu_is_heard_and_its_absence_is_said(peer, start):
+def test_best_effort_imu_is_received_and_its_absence_reported(peer, start):
     from test_health import WARN, Health
     start('ego_motion', *small('imu.use:=true'))
-    answers, health = peer.listen(PointCloud2, 'ego_motion'), Health(peer)
-    images, rates = peer.speak(Image, 'image_raw'), peer.speak(Imu, 'imu', best_effort=True)
+    answers, health = peer.subscribe(PointCloud2, 'ego_motion'), Health(peer)
+    images, rates = peer.advertise(Image, 'image_raw'), peer.advertise(Imu, 'imu', best_effort=True)
     assert ready(peer, 'image_raw')
     assert ready(peer, 'imu')
     images.publish(image_message(0))
     assert peer.until(lambda: len(answers) == 1)
-    assert health.says(WARN, 'nothing heard on imu yet')
+    assert health.reported(WARN, 'nothing received on imu yet')
     for index in range(60):
         rates.publish(Imu(header=header_of(stamp_ns(answers[0].header) + index * IMU_PERIOD_NS, 'imu')))
         peer.until(lambda: False, 0.001)
@@ -103,7 +103,7 @@ def test_best_effort_imu_is_heard_and_its_absence_is_said(peer, start):
     assert 'imu' not in health.reports[-1][1]
 
 
-def test_replay_uses_the_rates_and_says_where_there_are_none(tmp_path, capsys):
+def test_replay_uses_the_rates_and_refuses_where_there_are_none(tmp_path, capsys):
     write_flight(tmp_path / 'flight.mcap', '/drone/imu/data')
     with BagWriter(tmp_path / 'bare.mcap') as bag:
         bag.write_image(picture(0), PERIOD_NS)

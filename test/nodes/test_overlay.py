@@ -24,8 +24,8 @@ def seen(stamp: int, *ids: int, bearing: float = 1.0) -> PointCloud2:
 
 def test_markers_need_no_images_and_go_with_their_objects(peer, start):
     start('overlay')
-    boxes = peer.speak(PointCloud2, 'detections')
-    shown = peer.listen(MarkerArray, '/overlay/markers')
+    boxes = peer.advertise(PointCloud2, 'detections')
+    shown = peer.subscribe(MarkerArray, '/overlay/markers')
     assert ready(peer, 'detections')
     assert peer.node.count_subscribers('image_raw') == 0
     for message in (seen(1, 3, 4), seen(2, 4), seen(3, 4, bearing=np.nan)):
@@ -39,8 +39,9 @@ def test_markers_need_no_images_and_go_with_their_objects(peer, start):
 
 def test_compressed_images_are_drawn_on(peer, start):
     start('overlay', '-p', 'compressed:=true')
-    publisher, boxes = peer.speak(CompressedImage, 'image_raw/compressed'), peer.speak(PointCloud2, 'detections')
-    drawn = peer.listen(Image, '/overlay/overlay')
+    publisher = peer.advertise(CompressedImage, 'image_raw/compressed')
+    boxes = peer.advertise(PointCloud2, 'detections')
+    drawn = peer.subscribe(Image, '/overlay/overlay')
     assert ready(peer, 'image_raw/compressed')
     assert ready(peer, 'detections')
     assert peer.node.count_subscribers('image_raw') == 0

@@ -18,18 +18,18 @@ FRAMES = 12
 def test_without_a_clock_there_are_diagnostics_and_subscriptions_on_demand(peer, start):
     """Time stands at 0 until a clock comes; the health of a node must not wait for it."""
     start('overlay', *SIM)
-    reports = peer.listen(DiagnosticArray, '/diagnostics')
+    reports = peer.subscribe(DiagnosticArray, '/diagnostics')
     assert peer.until(lambda: len(reports) >= 2, 20.0)
     assert [stamp_ns(message.header) for message in reports] == [0] * len(reports)
-    peer.listen(Image, '/overlay/overlay')
+    peer.subscribe(Image, '/overlay/overlay')
     assert peer.until(lambda: peer.node.count_subscribers('image_raw') == 1, 10.0)
 
 
 def test_a_clock_that_jumps_back_costs_the_history_only(peer, start):
     start('pipeline', *small('use_sim_time:=true'))
-    reports, egos = peer.listen(DiagnosticArray, '/diagnostics'), peer.listen(PointCloud2, 'ego_motion')
-    answers = peer.listen(PointCloud2, 'detections')
-    publisher, clock = peer.speak(Image, 'image_raw'), peer.speak(Clock, '/clock')
+    reports, egos = peer.subscribe(DiagnosticArray, '/diagnostics'), peer.subscribe(PointCloud2, 'ego_motion')
+    answers = peer.subscribe(PointCloud2, 'detections')
+    publisher, clock = peer.advertise(Image, 'image_raw'), peer.advertise(Clock, '/clock')
     assert ready(peer, 'image_raw')
     assert ready(peer, '/clock')
 

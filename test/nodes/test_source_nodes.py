@@ -53,7 +53,7 @@ def film(peer, start, pictures, *arguments):
 
 
 def test_camera_publishes_every_picture_of_a_folder_and_ends(peer, start, pictures):
-    images, infos = peer.listen(Image, 'image_raw'), peer.listen(CameraInfo, 'camera_info')
+    images, infos = peer.subscribe(Image, 'image_raw'), peer.subscribe(CameraInfo, 'camera_info')
     film(peer, start, pictures, '-p', 'frame_id:=nose')
     assert len(images) == 8
     for index, message in enumerate(images):
@@ -65,14 +65,14 @@ def test_camera_publishes_every_picture_of_a_folder_and_ends(peer, start, pictur
 
 
 def test_camera_takes_two_of_five(peer, start, pictures):
-    images = peer.listen(Image, 'image_raw')
+    images = peer.subscribe(Image, 'image_raw')
     film(peer, start, pictures, '-p', 'decimation_keep:=2', '-p', 'decimation_of:=5')
     for message, index in zip(images, (0, 1, 5, 6), strict=True):
         np.testing.assert_array_equal(image_from_msg(message), picture(index))
 
 
 def test_camera_compresses_for_those_who_ask(peer, start, pictures):
-    jpegs = peer.listen(CompressedImage, 'image_raw/compressed')
+    jpegs = peer.subscribe(CompressedImage, 'image_raw/compressed')
     film(peer, start, pictures)
     assert len(jpegs) == 8
     for index, message in enumerate(jpegs):
@@ -87,8 +87,8 @@ def play(peer, start, bag, *arguments):
 
 
 def test_player_plays_what_was_recorded_with_its_stamps(peer, start, bag):
-    images, rear = peer.listen(Image, 'image_raw'), peer.listen(Image, 'rear/image_raw')
-    infos, ticks = peer.listen(CameraInfo, 'camera_info'), peer.listen(Clock, '/clock')
+    images, rear = peer.subscribe(Image, 'image_raw'), peer.subscribe(Image, 'rear/image_raw')
+    infos, ticks = peer.subscribe(CameraInfo, 'camera_info'), peer.subscribe(Clock, '/clock')
     play(peer, start, bag)
     assert [stamp_ns(m.header) for m in images] == STAMPS
     assert [stamp_ns(m.header) for m in infos] == STAMPS
@@ -100,7 +100,7 @@ def test_player_plays_what_was_recorded_with_its_stamps(peer, start, bag):
 
 
 def test_player_keeps_the_recorded_pace_times_rate(peer, start, bag):
-    ticks = peer.listen(Clock, '/clock')
+    ticks = peer.subscribe(Clock, '/clock')
     arrivals: list[float] = []
     peer.node.create_subscription(Image, 'image_raw', lambda _: arrivals.append(now_s(peer)), 10)
     play(peer, start, bag, '-p', 'rate:=0.5')
@@ -120,18 +120,18 @@ def test_the_clock_is_when_messages_were_recorded_and_does_not_go_back(peer, sta
             topic, age_ns = (('/image_raw', 30_000_000), ('/rear/image_raw', 700_000_000))[index % 2]
             picture = messages.image(np.zeros((600, 700, 3), np.uint8), recorded - age_ns, 'eye')  # a chunk each
             writer.write(topic, picture, recorded)
-    images, ticks = peer.listen(Image, 'image_raw'), peer.listen(Clock, '/clock')
+    images, ticks = peer.subscribe(Image, 'image_raw'), peer.subscribe(Clock, '/clock')
     play(peer, start, path)
     assert len(images) == 3
     assert clock_ns(ticks) == [log[0], log[1], log[2], log[2], log[4]]
 
 
 def test_a_bag_without_images_has_a_clock(peer, start, tmp_path):
-    path, ticks = tmp_path / 'imu.mcap', peer.listen(Clock, '/clock')
+    path, ticks = tmp_path / 'imu.mcap', peer.subscribe(Clock, '/clock')
     with BagWriter(path) as writer:
         for stamp in STAMPS:
             writer.write('/imu', messages.make(messages.IMU), stamp)
-    rates = peer.listen(Imu, 'imu')
+    rates = peer.subscribe(Imu, 'imu')
     process = start('bag_player', '-p', f'bag:={path}', '-p', 'loop:=true', '-p', 'rate:=2')
     assert peer.until(lambda: len(ticks) > 16)
     assert rates
@@ -142,7 +142,7 @@ def test_a_bag_without_images_has_a_clock(peer, start, tmp_path):
 
 
 def test_a_player_without_clock_leaves_it_to_another(peer, start, bag):
-    images, ticks = peer.listen(Image, 'image_raw'), peer.listen(Clock, '/clock')
+    images, ticks = peer.subscribe(Image, 'image_raw'), peer.subscribe(Clock, '/clock')
     start('bag_player', '-p', f'bag:={bag}', '-p', 'loop:=true', '-p', 'clock:=false')
     assert peer.until(lambda: len(images) >= 8)
     assert (peer.node.count_publishers('/clock'), ticks) == (0, [])
@@ -153,7 +153,7 @@ def now_s(peer) -> float:
 
 
 def test_whole_numbers_may_stand_for_texts_and_rates(peer, start, pictures):
-    images = peer.listen(Image, 'image_raw')
+    images = peer.subscribe(Image, 'image_raw')
     film(peer, start, pictures, '-p', 'frame_id:=7', '-p', 'fps:=5')
     assert {m.header.frame_id for m in images} == {'7'}
     assert np.diff([stamp_ns(m.header) for m in images]) == pytest.approx(0.2 * NANOSECONDS)
@@ -166,7 +166,7 @@ def test_camera_number_needs_no_quotes(peer, start, tmp_path):
 
 
 def test_player_plays_chosen_topics_only(peer, start, bag):
-    images, rear = peer.listen(Image, 'image_raw'), peer.listen(Image, 'seen')
+    images, rear = peer.subscribe(Image, 'image_raw'), peer.subscribe(Image, 'seen')
     play(peer, start, bag, '-p', 'topics:=/rear/image_raw', '-r', 'rear/image_raw:=seen')
     assert not images
     np.testing.assert_array_equal(image_from_msg(rear[0]), picture(9))
@@ -185,36 +185,36 @@ def test_a_bag_without_a_known_type_is_not_played_for_ever(peer, start, tmp_path
     assert f'{path}: expected a topic whose type is installed, got none' in (tmp_path / 'bag_player.log').read_text()
 
 
-def test_who_comes_late_hears_the_static_transforms(peer, start, tmp_path):
+def test_late_subscribers_get_the_static_transforms(peer, start, tmp_path):
     """By the topic's name: tf2_msgs, its usual type, has no wheels."""
     path, kind = tmp_path / 'flight.mcap', 'geometry_msgs/msg/TransformStamped'
     with BagWriter(path) as writer:
         writer.write('/tf_static', messages.make(kind, child_frame_id='camera'), STAMPS[0])
         writer.write_image(picture(0), STAMPS[0])
         writer.write_image(picture(1), STAMPS[0] + 60 * NANOSECONDS)
-    images, heard = peer.listen(Image, 'image_raw'), []
+    images, received = peer.subscribe(Image, 'image_raw'), []
     start('bag_player', '-p', f'bag:={path}', '-p', 'wait_for_subscribers:=1')
     assert peer.until(lambda: images)
     late = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
-    peer.node.create_subscription(TransformStamped, '/tf_static', heard.append, late)
-    assert peer.until(lambda: heard, 10.0)
-    assert heard[0].child_frame_id == 'camera'
+    peer.node.create_subscription(TransformStamped, '/tf_static', received.append, late)
+    assert peer.until(lambda: received, 10.0)
+    assert received[0].child_frame_id == 'camera'
 
 
 def test_player_starts_again_at_the_end(peer, start, bag):
-    images = peer.listen(Image, 'image_raw')
+    images = peer.subscribe(Image, 'image_raw')
     start('bag_player', '-p', f'bag:={bag}', '-p', 'loop:=true', '-p', 'rate:=10', '-p', 'wait_for_subscribers:=1')
     assert peer.until(lambda: len(images) >= 20)
     assert [stamp_ns(m.header) for m in images[:20]] == (STAMPS * 3)[:20]
 
 
-def test_overlay_draws_only_while_someone_looks(peer, start):
+def test_overlay_draws_only_while_someone_subscribes(peer, start):
     start('overlay')
-    publisher, boxes = peer.speak(Image, 'image_raw'), peer.speak(PointCloud2, 'detections')
+    publisher, boxes = peer.advertise(Image, 'image_raw'), peer.advertise(PointCloud2, 'detections')
     assert peer.until(lambda: 'overlay' in peer.node.get_node_names())
     peer.until(lambda: False, 1.5)
     assert peer.node.count_subscribers('image_raw') == 0
-    drawn = peer.listen(Image, '/overlay/overlay')
+    drawn = peer.subscribe(Image, '/overlay/overlay')
     assert ready(peer, 'image_raw')
     assert ready(peer, 'detections')
     records = empty_detections(1)
@@ -236,8 +236,8 @@ def test_overlay_draws_only_while_someone_looks(peer, start):
 
 def test_overlay_drops_what_never_gets_detections(peer, start):
     start('overlay')
-    publisher, boxes = peer.speak(Image, 'image_raw'), peer.speak(PointCloud2, 'detections')
-    drawn, reports = peer.listen(Image, '/overlay/overlay'), peer.listen(DiagnosticArray, '/diagnostics')
+    publisher, boxes = peer.advertise(Image, 'image_raw'), peer.advertise(PointCloud2, 'detections')
+    drawn, reports = peer.subscribe(Image, '/overlay/overlay'), peer.subscribe(DiagnosticArray, '/diagnostics')
     assert ready(peer, 'image_raw')
     assert ready(peer, 'detections')
     for index in range(3):

@@ -37,9 +37,9 @@ def play(peer, publisher, answers, indexes, make=image_message):
 def test_answers_carry_stamp_and_frame_of_their_image(peer, start):
     start('pipeline', *small())
     detections, egos, flows = (
-        peer.listen(kind, name) for kind, name in
+        peer.subscribe(kind, name) for kind, name in
         ((PointCloud2, 'detections'), (PointCloud2, 'ego_motion'), (Image, 'flow')))
-    publisher = peer.speak(Image, 'image_raw')
+    publisher = peer.advertise(Image, 'image_raw')
     assert ready(peer, 'image_raw')
     play(peer, publisher, detections, range(FRAMES))
     assert peer.until(lambda: len(flows) == FRAMES and len(egos) == FRAMES)
@@ -64,8 +64,8 @@ def change(peer, node: str, transition: int) -> None:
 
 def test_lifecycle_waits_works_rests_and_works_again(peer, start):
     start('ego_motion', *small('autostart:=false'))
-    answers = peer.listen(PointCloud2, 'ego_motion')
-    publisher = peer.speak(Image, 'image_raw')
+    answers = peer.subscribe(PointCloud2, 'ego_motion')
+    publisher = peer.advertise(Image, 'image_raw')
 
     def state() -> int:
         return peer.call(GetState, '/ego_motion/get_state').current_state.id
@@ -91,8 +91,8 @@ def test_lifecycle_waits_works_rests_and_works_again(peer, start):
 
 def test_reset_forgets_the_past_and_no_id_comes_twice(peer, start):
     start('pipeline', *small())
-    answers, egos = peer.listen(PointCloud2, 'detections'), peer.listen(PointCloud2, 'ego_motion')
-    publisher = peer.speak(Image, 'image_raw')
+    answers, egos = peer.subscribe(PointCloud2, 'detections'), peer.subscribe(PointCloud2, 'ego_motion')
+    publisher = peer.advertise(Image, 'image_raw')
     assert ready(peer, 'image_raw')
     play(peer, publisher, answers, range(FRAMES))
     before = {int(i) for m in answers for i in read_detections(m)['id']}
@@ -110,8 +110,8 @@ def test_reset_forgets_the_past_and_no_id_comes_twice(peer, start):
 
 def test_no_id_comes_twice_after_clean_up(peer, start):
     start('pipeline', *small())
-    answers, egos = peer.listen(PointCloud2, 'detections'), peer.listen(PointCloud2, 'ego_motion')
-    publisher = peer.speak(Image, 'image_raw')
+    answers, egos = peer.subscribe(PointCloud2, 'detections'), peer.subscribe(PointCloud2, 'ego_motion')
+    publisher = peer.advertise(Image, 'image_raw')
     assert ready(peer, 'image_raw')
     play(peer, publisher, answers, range(FRAMES))
     before = {int(i) for m in answers for i in read_detections(m)['id']}
@@ -128,8 +128,8 @@ def test_no_id_comes_twice_after_clean_up(peer, start):
 
 def test_time_that_jumps_back_is_a_new_start_with_its_label(peer, start):
     start('ego_motion', *small())
-    answers = peer.listen(PointCloud2, 'ego_motion')
-    publisher = peer.speak(Image, 'image_raw')
+    answers = peer.subscribe(PointCloud2, 'ego_motion')
+    publisher = peer.advertise(Image, 'image_raw')
     assert ready(peer, 'image_raw')
     play(peer, publisher, answers, [5, 6, 2, 3])
     statuses = [ego_from_msg(m).status for m in answers]
@@ -138,9 +138,9 @@ def test_time_that_jumps_back_is_a_new_start_with_its_label(peer, start):
 
 def test_diagnostics_count_what_was_sent(peer, start):
     start('pipeline', *small())
-    reports = peer.listen(DiagnosticArray, '/diagnostics')
-    answers = peer.listen(PointCloud2, 'detections')
-    publisher = peer.speak(Image, 'image_raw')
+    reports = peer.subscribe(DiagnosticArray, '/diagnostics')
+    answers = peer.subscribe(PointCloud2, 'detections')
+    publisher = peer.advertise(Image, 'image_raw')
     assert ready(peer, 'image_raw')
     play(peer, publisher, answers, range(FRAMES))
     broken = image_message(FRAMES)
@@ -169,8 +169,8 @@ def jpeg(index: int) -> CompressedImage:
 def test_compressed_images_give_the_same_answer(peer, start):
     start('pipeline', *small('compressed:=true'), '-r', '__node:=from_png')
     start('ego_motion', *small(), '-r', 'ego_motion:=raw_ego')
-    compressed, raw = peer.listen(PointCloud2, 'ego_motion'), peer.listen(PointCloud2, 'raw_ego')
-    png, plain = peer.speak(CompressedImage, 'image_raw/compressed'), peer.speak(Image, 'image_raw')
+    compressed, raw = peer.subscribe(PointCloud2, 'ego_motion'), peer.subscribe(PointCloud2, 'raw_ego')
+    png, plain = peer.advertise(CompressedImage, 'image_raw/compressed'), peer.advertise(Image, 'image_raw')
     assert ready(peer, 'image_raw/compressed')
     assert ready(peer, 'image_raw')
     for index in range(4):
@@ -182,9 +182,9 @@ def test_compressed_images_give_the_same_answer(peer, start):
 
 def test_best_effort_camera_namespace_and_calibration(peer, start):
     start('pipeline', *small('image_reliability:=best_effort'), '-r', '__ns:=/front')
-    answers = peer.listen(PointCloud2, '/front/detections')
-    publisher = peer.speak(Image, '/front/image_raw', best_effort=True)
-    infos = peer.speak(CameraInfo, '/front/camera_info')
+    answers = peer.subscribe(PointCloud2, '/front/detections')
+    publisher = peer.advertise(Image, '/front/image_raw', best_effort=True)
+    infos = peer.advertise(CameraInfo, '/front/camera_info')
     assert ready(peer, '/front/image_raw')
     assert ready(peer, '/front/camera_info')
     info = CameraInfo(width=320, height=240)
@@ -213,7 +213,7 @@ def test_parameters_tell_unit_range_and_meaning_and_stay_as_they_are(peer, start
     assert not result.results[0].successful
 
 
-def test_misspelt_parameter_is_said(peer, start, tmp_path):
+def test_misspelt_parameter_is_warned_about(peer, start, tmp_path):
     start('ego_motion', *small('ego_motion.max_cornrs:=100', 'bag:=elsewhere'))
     assert ready_log(peer, tmp_path / 'ego_motion.log', 'ego_motion.max_cornrs is unknown')
     assert 'bag is unknown' not in (tmp_path / 'ego_motion.log').read_text()
@@ -226,8 +226,8 @@ def ready_log(peer, log, words: str) -> bool:
 @pytest.mark.parametrize(('rectified', 'focal'), [('false', 300.0), ('true', 200.0)])
 def test_calibration_is_that_of_the_images_as_they_are(peer, start, tmp_path, rectified, focal):
     start('pipeline', *small(f'rectified:={rectified}'))
-    answers = peer.listen(PointCloud2, 'detections')
-    publisher, infos = peer.speak(Image, 'image_raw'), peer.speak(CameraInfo, 'camera_info')
+    answers = peer.subscribe(PointCloud2, 'detections')
+    publisher, infos = peer.advertise(Image, 'image_raw'), peer.advertise(CameraInfo, 'camera_info')
     assert ready(peer, 'image_raw')
     assert ready(peer, 'camera_info')
     infos.publish(CameraInfo(
@@ -237,8 +237,8 @@ def test_calibration_is_that_of_the_images_as_they_are(peer, start, tmp_path, re
     play(peer, publisher, answers, range(FRAMES))
     record, = read_detections(answers[-1])
     assert record['bearing_x'] / record['bearing_z'] == pytest.approx((record['u'] - 160.0) / focal, rel=1e-4)
-    said = 'distortion is ignored' in (tmp_path / 'pipeline.log').read_text()
-    assert said == (rectified == 'false')
+    warned = 'distortion is ignored' in (tmp_path / 'pipeline.log').read_text()
+    assert warned == (rectified == 'false')
 
 
 @pytest.mark.parametrize('stop', [signal.SIGINT, signal.SIGTERM], ids=['SIGINT', 'SIGTERM'])

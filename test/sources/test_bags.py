@@ -354,7 +354,7 @@ class TestBagFrames:
         with pytest.raises(SourceError, match=r'--topic.*/left/image_raw \(1\), /right/image_raw \(1\)'):
             BagFrames(tmp_path / 'a.mcap')
 
-    def test_an_empty_bag_says_so(self, tmp_path: Path) -> None:
+    def test_an_empty_bag_is_refused(self, tmp_path: Path) -> None:
         with BagWriter(tmp_path / 'a.mcap'):
             pass
         with pytest.raises(SourceError, match=r'the bag is empty \(0 messages in 0 topics\)'):

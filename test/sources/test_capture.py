@@ -149,7 +149,7 @@ def test_a_stream_that_breaks_is_opened_again(stream: str) -> None:
 
 
 class StallingHandler(MjpegHandler):
-    """Serves ten pictures, then says nothing more until the other side hangs up."""
+    """Serves ten pictures, then sends nothing more until the other side hangs up."""
 
     def do_GET(self) -> None:
         super().do_GET()

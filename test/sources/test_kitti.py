@@ -116,7 +116,7 @@ def test_a_drive_without_calibration_has_no_camera(drive: Path) -> None:
     assert KittiDrive(drive).camera is None
 
 
-def test_wrong_layout_says_what_is_there_and_what_should_be(tmp_path: Path) -> None:
+def test_wrong_layout_names_what_is_there_and_what_should_be(tmp_path: Path) -> None:
     (tmp_path / 'image_00').mkdir()
     with pytest.raises(SourceError) as caught:
         KittiDrive(tmp_path)
