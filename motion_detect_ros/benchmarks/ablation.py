@@ -68,11 +68,9 @@ PARTS = (
     Part('ART2: the classic variant in its place', {
         'art2.variant': 'classic', 'art2.vigilance': 0.95, 'art2.background_sigma': 4.0}),
     Part('joining of neighbouring clusters', {'objects.join_match': 1.0}),
-    Part('joining of patches', {'objects.join_gap_share': 0.0}),
     Part('photometric test', {'objects.photometric_sigma': 0.1}, 'any gain at all is enough'),
     Part('pixels near the strongest gain only', {'objects.peak_share': 0.0}),
     Part('closing of gaps', {'objects.closing_px': 1}),
-    Part('least fill of a box', {'objects.min_fill': 0.0}),
     Part('log odds of tracks', {'tracks.confirm_log_odds': -100.0, 'tracks.show_log_odds': -100.0}),
     Part('confirmation by time', {'tracks.confirm_s': 0.0}),
     Part('all confirmation', AT_ONCE),

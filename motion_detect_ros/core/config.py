@@ -127,9 +127,6 @@ class OpticalFlowConfig:
                            low=1, high=32, unit='px')
     forward_backward_px: float = setting(
         0.7, 'largest accepted forward-backward error', low=0.05, high=20.0, unit='px')
-    search_px: int = setting(
-        0, 'how far fast small objects are searched for where the flow leaves the image unexplained, '
-        'working-resolution pixels, 0 = not', low=0, high=200, unit='px')
     full_every: int = setting(
         1, 'flow of the whole image in every such frame, in between only around the last moving cells',
         low=1, high=100, unit='frames')
@@ -145,9 +142,8 @@ class BackgroundConfig:
     """What counts as background beyond the ego-motion, and how noisy the flow is."""
 
     model: str = setting(
-        'auto', 'planar = one smooth surface; epipolar, plane_parallax = static points at any depth, with and without '
-        'camera matrix; auto = planar or epipolar, whichever fits',
-        choices=('auto', 'planar', 'epipolar', 'plane_parallax'))
+        'auto', 'planar = one smooth surface; epipolar = static points at any depth; auto = whichever of the two fits',
+        choices=('auto', 'planar', 'epipolar'))
     focal_share: float = setting(
         0.9, 'focal length where no calibration is known, share of the image width', low=0.2, high=10.0)
     depth_noise_share: float = setting(
@@ -216,13 +212,8 @@ class ObjectsConfig:
         low=0.1, high=100.0)
     peak_share: float = setting(
         0.15, 'pixels whose gain is under this share of the strongest ones are shadow or blur', low=0.0, high=1.0)
-    min_fill: float = setting(
-        0.1, 'smallest share of a box that must be explained by its own motion', low=0.0, high=1.0)
     closing_px: int = setting(
         5, 'gaps up to this size within an object are closed', low=1, high=99, unit='px')
-    join_gap_share: float = setting(
-        0.4, "patches of one motion are joined across a gap up to this share of the smaller one's size",
-        low=0.0, high=5.0)
 
 
 @dataclass(frozen=True)

@@ -136,7 +136,7 @@ def test_bearings_are_those_of_the_picture_whatever_size_was_calibrated():
         pipeline = MotionPipeline(camera=camera)
         for index in range(12):
             records = pipeline.process(scene(index), (index + 1) * PERIOD_NS).detections
-        x = (records[0]['u'] - 239.5) / 400.0
+        x = (records[0]['u'] - 240.0) / 400.0  # the middle of the picture, from its edge
         assert records[0]['bearing_x'] / records[0]['bearing_z'] == pytest.approx(x, abs=1e-5)
         rays.append([records[0][f'bearing_{axis}'] for axis in 'xyz'])
     np.testing.assert_allclose(rays[1:], [rays[0], rays[0]], atol=1e-5)

@@ -47,7 +47,7 @@ def in_thread(pipeline: MotionPipeline, seed: int) -> bytes:
 CONFIGS: dict[str, dict[str, str | bool]] = {
     'default': {}, 'homography': {'ego_motion.model': 'homography'},
     'similarity in space': {'ego_motion.model': 'similarity', 'ego_motion.relative_pose': True},
-    'epipolar': {'background.model': 'epipolar'}, 'plane and parallax': {'background.model': 'plane_parallax'},
+    'epipolar': {'background.model': 'epipolar'},
 }
 
 

@@ -13,13 +13,15 @@ import cv2
 import numpy as np
 
 from motion_detect_ros.core.config import BackgroundConfig
-from motion_detect_ros.core.geometry.robust import RAYLEIGH_MEDIAN, TUKEY_C, rayleigh_sigma
+from motion_detect_ros.core.geometry.robust import RAYLEIGH_MEDIAN, rayleigh_sigma, reweighted, tukey_weights_of_squares
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 
 #: Cells used for the fit at most; more would not change it.
 MAX_SAMPLES = 4000
 #: Re-weighting rounds; the fit is stable after four to six.
 ITERATIONS = 6
+#: Least deviation that the weights assume, pixels.
+MIN_SIGMA_PX = 1e-3
 #: Share of its trace added to the normal matrix: points on one line do not determine a surface.
 RIDGE = 1e-10
 #: Fewer valid cells than this say nothing about the background.
@@ -124,18 +126,22 @@ def _irls(design: DoubleArray, target: DoubleArray) -> tuple[DoubleArray, float]
 
     design: (6, N), coordinates within -1 .. 1, so that the normal equations are safe; target: (2, N).
     """
-    solution: DoubleArray = np.zeros((6, 2))
-    solution[0] = np.median(target, axis=1)
-    for _ in range(ITERATIONS):
-        squared = _squared_error(design, target, solution)
-        sigma = max(_sigma(squared), 1e-3)
-        weights = np.maximum(1.0 - squared / (TUKEY_C * sigma) ** 2, 0.0)
-        weights *= weights
+    def squared_errors(solution: DoubleArray) -> DoubleArray:
+        return _squared_error(design, target, solution)
+
+    def weights(squared: DoubleArray) -> DoubleArray:
+        return tukey_weights_of_squares(squared, max(_sigma(squared), MIN_SIGMA_PX))
+
+    def solve(_: DoubleArray, squared: DoubleArray, weights: DoubleArray) -> DoubleArray:
         weighted = design * weights
         normal = weighted @ design.T
         normal[np.diag_indices(6)] += RIDGE * np.trace(normal)
-        solution = np.asarray(np.linalg.solve(normal, weighted @ target.T), np.float64)
-    return solution, _sigma(_squared_error(design, target, solution))
+        return np.asarray(np.linalg.solve(normal, weighted @ target.T), np.float64)
+
+    start: DoubleArray = np.zeros((6, 2))
+    start[0] = np.median(target, axis=1)
+    solution = reweighted(start, squared_errors, weights, solve, ITERATIONS)
+    return solution, _sigma(squared_errors(solution))
 
 
 def _squared_error(design: DoubleArray, target: DoubleArray, solution: DoubleArray) -> DoubleArray:

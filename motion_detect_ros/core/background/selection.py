@@ -10,7 +10,6 @@ import math
 
 import numpy as np
 
-from motion_detect_ros.core.background.alternatives.plane_parallax import fit_parallax_background
 from motion_detect_ros.core.background.planar import Background, fit_background
 from motion_detect_ros.core.background.static_points import fit_static_scene
 from motion_detect_ros.core.config import BackgroundConfig
@@ -52,8 +51,6 @@ class BackgroundSelector:
         planar = fit_background(residual, self._config, length)
         if self._config.model == 'planar':
             return planar
-        if self._config.model == 'plane_parallax':
-            return fit_parallax_background(flow, residual, camera.width, camera.height, self._config) or planar
         sigma = NOISE_PX + NOISE_SHARE * length
         cost, perfect = _cost(residual, planar, sigma, SURFACE_DIMENSION), SPACE_DIMENSION * PER_DIMENSION
         if self._config.model == 'auto' and cost <= perfect and not self.three_dimensional:

@@ -64,7 +64,7 @@ class ObjectFinder:
             pair, region, window, field.background_flow(window, width, height), field.motion_of(segment), noise_gray,
             self._config.photometric_sigma)
         found = self._patches_of(test, _cell_mask(segment, field.residual.shape[:2], region, width, height))
-        joined = joined_patches(found, self._config.join_gap_share)
+        joined = joined_patches(found)
         return [patch.moved(region.left, region.top) for patch in joined if self._plausible(patch, width * height)]
 
     @staticmethod
@@ -90,7 +90,7 @@ class ObjectFinder:
 
     def _plausible(self, patch: Patch, image_area: int) -> bool:
         config = self._config
-        return (patch.fill >= config.min_fill and min(patch.box.width, patch.box.height) >= config.min_side_px
+        return (min(patch.box.width, patch.box.height) >= config.min_side_px
                 and patch.box.area <= config.max_area_share * image_area)
 
     @staticmethod

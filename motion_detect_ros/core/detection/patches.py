@@ -14,6 +14,8 @@ from motion_detect_ros.core.types import BoolArray, ByteArray
 
 #: Area of the box around two parts of one body, at most, over the sum of their own boxes.
 MAX_SPREAD = 1.3
+#: Gap between them, at most, share of the smaller one's size.
+GAP_SHARE = 0.4
 
 
 @dataclass(frozen=True)
@@ -22,11 +24,6 @@ class Patch:
 
     box: Box
     pixels: int
-
-    @property
-    def fill(self) -> float:
-        """Share of the bounds that the pixels cover."""
-        return self.pixels / self.box.area
 
     def moved(self, right: int, down: int) -> Patch:
         """The patch shifted by whole pixels."""
@@ -49,17 +46,17 @@ def _ellipse(size_px: int) -> ByteArray:
     return kernel
 
 
-def joined_patches(patches: list[Patch], gap_share: float) -> list[Patch]:
+def joined_patches(patches: list[Patch]) -> list[Patch]:
     """Joins patches that are parts of one body, until none are.
 
-    They are closer than ``gap_share`` of the smaller one's size, and together fill their box as they fill their own:
+    They are closer than ``GAP_SHARE`` of the smaller one's size, and together fill their box as they fill their own:
     the front and the back of a car do, two cars side by side do not.
     """
     done: list[Patch] = []
     waiting = list(patches)
     while waiting:
         patch = waiting.pop()
-        near = next((other for other in done if _close(patch, other, gap_share)), None)
+        near = next((other for other in done if _close(patch, other)), None)
         if near is None:
             done.append(patch)
         else:
@@ -68,7 +65,7 @@ def joined_patches(patches: list[Patch], gap_share: float) -> list[Patch]:
     return done
 
 
-def _close(a: Patch, b: Patch, gap_share: float) -> bool:
+def _close(a: Patch, b: Patch) -> bool:
     size_px = float(np.sqrt(min(a.box.area, b.box.area)))
     packed = a.box.union(b.box).area <= MAX_SPREAD * (a.box.area + b.box.area)
-    return packed and a.box.gap(b.box) <= gap_share * size_px
+    return packed and a.box.gap(b.box) <= GAP_SHARE * size_px

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from motion_detect_ros.core.geometry.motion_models import ModelFamily, displacement, jacobian, matrix_theta, normalised
-from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA, TUKEY_C
+from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA, reweighted, tukey_weights_of_squares
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray, MotionModel
 
 #: Localisation noise no tracker gets under, pixels.
@@ -57,18 +57,24 @@ def refine_motion(
     Source: Holland and Welsch 1977, with the weights of Beaton and Tukey 1974.
     """
     x, target = normalised(points, centre), (moved - points).astype(np.float64)
-    free = np.linalg.lstsq(family.basis, theta, rcond=None)[0]
-    steps = _steps(family, theta, x, centre)
-    for _ in range(ITERATIONS):
-        error = target - displacement(family, theta, x, centre)
-        weights = _weights(error)
-        if not family.polynomial:
-            steps = _steps(family, theta, x, centre)
+    fixed = _steps(family, theta, x, centre) if family.polynomial else None
+
+    def steps_at(theta: DoubleArray) -> DoubleArray:
+        return _steps(family, theta, x, centre) if fixed is None else fixed
+
+    def errors(theta: DoubleArray) -> DoubleArray:
+        return target - displacement(family, theta, x, centre)
+
+    def solve(theta: DoubleArray, error: DoubleArray, weights: DoubleArray) -> DoubleArray:
+        steps = steps_at(theta)
         weighted = _weighted(steps, weights)
-        free = free + np.linalg.lstsq(weighted @ steps.T, weighted @ error.T.ravel(), rcond=None)[0]
-        theta = family.basis @ free
-    error = target - displacement(family, theta, x, centre)
-    return _summary(family, theta, error, weights, steps if family.polynomial else _steps(family, theta, x, centre))
+        change = np.linalg.lstsq(weighted @ steps.T, weighted @ error.T.ravel(), rcond=None)[0]
+        return np.asarray(theta + family.basis @ change, np.float64)
+
+    start = family.basis @ np.linalg.lstsq(family.basis, theta, rcond=None)[0]
+    theta = reweighted(start, errors, _weights, solve, ITERATIONS)
+    error = errors(theta)
+    return _summary(family, theta, error, _weights(error), steps_at(theta))
 
 
 def _steps(family: ModelFamily, theta: DoubleArray, x: DoubleArray, centre: DoubleArray) -> DoubleArray:
@@ -86,9 +92,7 @@ def _weighted(steps: DoubleArray, weights: DoubleArray) -> DoubleArray:
 def _weights(error: DoubleArray) -> DoubleArray:
     sigma = max(MAD_TO_SIGMA * float(_median(np.abs(error - _median(error)).ravel())), MIN_SIGMA_PX)
     x, y = error.T
-    weights: DoubleArray = np.maximum(1.0 - (x * x + y * y) / (TUKEY_C * sigma) ** 2, 0.0)
-    weights *= weights
-    return weights
+    return tukey_weights_of_squares(x * x + y * y, sigma)
 
 
 def _median(values: DoubleArray) -> DoubleArray:

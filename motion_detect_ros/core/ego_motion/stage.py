@@ -74,7 +74,7 @@ class EgoMotionStage:
             if prior is not None:
                 return prior.ego_motion(frame.stamp_ns, previous.stamp_ns, measured.tracks)
             return no_estimate(measured.status, frame.stamp_ns, previous.stamp_ns, measured.tracks)
-        return self._smoothed(measured.fit, measured.tracks, previous, frame)
+        return self._smoothed(measured.fit, previous, frame)
 
     def _continuity(self, previous: PreparedFrame | None, frame: PreparedFrame) -> EgoStatus:
         if previous is None:
@@ -90,9 +90,9 @@ class EgoMotionStage:
             return None
         return self._in_space.estimate(measured.earlier, measured.current, frame.width, frame.height, self.camera)
 
-    def _smoothed(self, fit: MotionFit, tracks: int, previous: PreparedFrame, frame: PreparedFrame) -> EgoMotion:
+    def _smoothed(self, fit: MotionFit, previous: PreparedFrame, frame: PreparedFrame) -> EgoMotion:
         """The affine part as the filter sees it; what of the warp is perspective stays as measured."""
-        dt_s = (frame.stamp_ns - previous.stamp_ns) / NANOSECONDS
+        dt_s, tracks = (frame.stamp_ns - previous.stamp_ns) / NANOSECONDS, len(fit.inliers)
         params, covariance, accepted = self._filter.update(fit.theta[:6], fit.covariance[:6, :6], frame.stamp_ns, dt_s)
         if not accepted:
             return no_estimate(EgoStatus.OUTLIER_GATED, frame.stamp_ns, previous.stamp_ns, tracks)

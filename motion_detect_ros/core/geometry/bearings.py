@@ -6,6 +6,9 @@ import numpy as np
 
 from motion_detect_ros.core.types import CameraModel, RecordArray
 
+#: Centre of the first pixel where its left or upper edge is 0.
+PIXEL_CENTRE = 0.5
+
 
 def bearings(records: RecordArray, camera: CameraModel | None) -> RecordArray:
     """Fills ``bearing_x, _y, _z`` with the unit ray in the optical frame (z forward); NaN without a camera model.
@@ -14,8 +17,9 @@ def bearings(records: RecordArray, camera: CameraModel | None) -> RecordArray:
     """
     if camera is None or not len(records):
         return records
-    x = (records['u'] - camera.cx) / camera.fx
-    y = (records['v'] - camera.cy) / camera.fy
+    # The box is in edges of pixels, the first of which is 0; the camera matrix has centres of pixels at whole numbers.
+    x = (records['u'] - PIXEL_CENTRE - camera.cx) / camera.fx
+    y = (records['v'] - PIXEL_CENTRE - camera.cy) / camera.fy
     length = np.sqrt(x * x + y * y + 1.0)
     records['bearing_x'], records['bearing_y'], records['bearing_z'] = x / length, y / length, 1.0 / length
     return records

@@ -8,11 +8,12 @@ p0 = R q (infinitely far) towards the epipole: p(s) = p0 + s (t_xy - t_z p0), s 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA, tukey_weights
+from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA, reweighted, tukey_weights
 from motion_detect_ros.core.types import BoolArray, CameraModel, DoubleArray, FloatArray
 
 #: Correspondences used at most, and needed at least.
@@ -120,23 +121,40 @@ def _ransac(q: DoubleArray, p: DoubleArray, focal_px: float) -> PoseEstimate | N
 
 def refine_pose(q: DoubleArray, p: DoubleArray, start: PoseEstimate, focal_px: float) -> PoseEstimate:
     """Gauss-Newton on the five parameters, Tukey-weighted distances to the epipolar lines (IRLS)."""
-    rotation, direction = start.rotation, start.direction
-    for _ in range(REFINE_ROUNDS):
-        tilts = _tilts(direction)
-        error, jacobian = _linearised(q, p, rotation, direction, tilts)
-        sigma = max(MIN_SIGMA_PX / focal_px, MAD_TO_SIGMA * float(np.median(np.abs(error))))
-        weighted = jacobian * tukey_weights(error, sigma)
+    jacobian: DoubleArray = np.empty((5, len(q)))
+
+    def errors(pose: _Pose) -> DoubleArray:
+        nonlocal jacobian
+        error, jacobian = _linearised(q, p, pose.rotation, pose.direction, _tilts(pose.direction))
+        return error
+
+    def weights(error: DoubleArray) -> DoubleArray:
+        return tukey_weights(error, max(MIN_SIGMA_PX / focal_px, MAD_TO_SIGMA * float(np.median(np.abs(error)))))
+
+    def solve(pose: _Pose, error: DoubleArray, weights: DoubleArray) -> _Pose | None:
+        weighted = jacobian * weights
         step = -np.asarray(np.linalg.solve(weighted @ jacobian.T + 1e-9 * np.eye(5), weighted @ error), np.float64)
-        rotation = np.asarray(cv2.Rodrigues(step[:3])[0], np.float64) @ rotation
-        direction = direction + step[3:] @ tilts
-        direction /= np.linalg.norm(direction)
-        if np.abs(step).max() < SMALL_RAD:
-            break
+        return None if np.abs(step).max() < SMALL_RAD else pose.stepped(step)
+
+    rotation, direction = reweighted(_Pose(start.rotation, start.direction), errors, weights, solve, REFINE_ROUNDS)
     agreeing = np.abs(_linearised(q, p, rotation, direction, _tilts(direction))[0]) * focal_px < INLIER_PX
     motion = PoseEstimate(rotation, direction, float(agreeing.mean()))
     if np.median(epipolar_lines(q, motion).position(p)) < 0.0:
         motion = PoseEstimate(rotation, -direction, motion.inlier_share)
     return motion
+
+
+class _Pose(NamedTuple):
+    """Rotation (3, 3) and direction of travel (3,), a unit vector."""
+
+    rotation: DoubleArray
+    direction: DoubleArray
+
+    def stepped(self, step: DoubleArray) -> _Pose:
+        """step: (5,) three angles of a small turn, two tilts of the direction, radians."""
+        direction = self.direction + step[3:] @ _tilts(self.direction)
+        turn = np.asarray(cv2.Rodrigues(step[:3])[0], np.float64)
+        return _Pose(turn @ self.rotation, direction / np.linalg.norm(direction))
 
 
 def _tilts(direction: DoubleArray) -> DoubleArray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from motion_detect_ros.core.geometry.robust import tukey_weights
+from motion_detect_ros.core.geometry.robust import reweighted, tukey_weights
 from motion_detect_ros.core.types import BoolArray, DoubleArray
 
 #: Points used at most and needed at least, and random planes tried.
@@ -45,11 +45,13 @@ def fit_ground(points: DoubleArray, inverse_depth: DoubleArray, sigma: DoubleArr
     target, sigma = inverse_depth[::step], sigma[::step]
     if len(target) < MIN_POINTS:
         return None
-    plane = _consensus(design, target, sigma)
-    for _ in range(ROUNDS):
-        error = (design @ plane - target) / sigma
-        weighted = design * (tukey_weights(error) / sigma ** 2)[:, None]
-        plane = np.asarray(np.linalg.lstsq(weighted.T @ design, weighted.T @ target, rcond=None)[0], np.float64)
+
+    def solve(_: DoubleArray, error: DoubleArray, weights: DoubleArray) -> DoubleArray:
+        weighted = design * (weights / sigma ** 2)[:, None]
+        return np.asarray(np.linalg.lstsq(weighted.T @ design, weighted.T @ target, rcond=None)[0], np.float64)
+
+    plane = reweighted(_consensus(design, target, sigma), lambda plane: (design @ plane - target) / sigma,
+                       tukey_weights, solve, ROUNDS)
     share = float((np.abs(design @ plane - target) < AGREE_SIGMAS * sigma).mean())
     return GroundPlane(plane) if share >= MIN_SHARE and plane[1] > 0.0 else None
 

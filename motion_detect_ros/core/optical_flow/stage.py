@@ -12,7 +12,6 @@ from motion_detect_ros.core.flow_methods.forward_backward import BackwardWorker,
 from motion_detect_ros.core.flow_methods.registry import BUILT_IN, make_flow
 from motion_detect_ros.core.geometry.frame_history import ReferenceFrame
 from motion_detect_ros.core.geometry.warp import at_scale, stabilise
-from motion_detect_ros.core.optical_flow.alternatives.block_search import search_fast_movers
 from motion_detect_ros.core.optical_flow.alternatives.regions import RegionsOfInterest, confined
 from motion_detect_ros.core.optical_flow.conversion import total_flow
 from motion_detect_ros.core.types import EgoMotion, FloatArray, FlowField, PreparedFrame
@@ -57,7 +56,5 @@ class OpticalFlowStage:
         shift = forward_backward_flow(
             confined(self._flow, boxes), frame.gray, stabilised, rows, columns, self._config.forward_backward_px,
             worker and BackwardWorker(confined(worker.flow, boxes), worker.pool))
-        if self._config.search_px:
-            shift = search_fast_movers(shift, frame.gray, stabilised, self._config.search_px)
         self._regions.remember(shift, frame.stamp_ns)
         return total_flow(shift, reference.matrix, frame.scale, frame.width, frame.height)

@@ -6,6 +6,7 @@ import numpy as np
 
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.forgetting import kept
+from motion_detect_ros.core.geometry.bearings import PIXEL_CENTRE
 from motion_detect_ros.core.tracking.alternatives.appearance import Appearance
 from motion_detect_ros.core.tracking.detected_time import DetectedTime
 from motion_detect_ros.core.tracking.time_to_contact import Approach
@@ -115,8 +116,8 @@ class Track:
         """
         self.approach.predict(dt_s)
         x, y, vx, vy = self.state
-        moved = matrix @ [x, y, 1.0]
-        moved = moved[:2] / moved[2]
+        moved = matrix @ [x - PIXEL_CENTRE, y - PIXEL_CENTRE, 1.0]  # boxes are in edges of pixels, warps in centres
+        moved = moved[:2] / moved[2] + PIXEL_CENTRE
         linear = matrix[:2, :2]
         scale = float(np.sqrt(abs(np.linalg.det(linear))))
         velocity = linear @ [vx, vy]

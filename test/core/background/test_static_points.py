@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from street import CAMERA, box_cells, flow, motion, pixels, street_depth
+from street import CAMERA, box_cells, flow, motion, street_depth
 
-from motion_detect_ros.core.background.alternatives.plane_parallax import fit_parallax_background, fit_plane_parallax
 from motion_detect_ros.core.background.planar import fit_background
 from motion_detect_ros.core.background.selection import BackgroundSelector
 from motion_detect_ros.core.background.static_points import fit_static_scene
@@ -37,14 +36,9 @@ def _epipolar(field: np.ndarray):
     return fit_static_scene(field, field, CAMERA, CONFIG).background
 
 
-def _plane_parallax(field: np.ndarray):
-    return fit_parallax_background(field, field, CAMERA.width, CAMERA.height, CONFIG)
-
-
-@pytest.mark.parametrize('fit', [_epipolar, _plane_parallax])
-def test_static_box_and_street_are_still(fit):
+def test_static_box_and_street_are_still():
     field = _street(None)
-    sigmas = _sigmas(field, fit(field))
+    sigmas = _sigmas(field, _epipolar(field))
     assert np.quantile(sigmas, 0.99) < 3.0
     assert np.median(sigmas[BOX]) < 1.0
 
@@ -56,14 +50,6 @@ def test_mover_stands_out_of_the_calibrated_background(own: tuple[float, float, 
     foot = BOX & (np.arange(BOX.shape[0])[:, None] >= 52)
     assert np.median(sigmas[foot]) > 4.0
     assert np.quantile(sigmas[~BOX], 0.99) < 3.0
-
-
-@pytest.mark.parametrize('own', [OWN['crosses'], OWN['rises']])
-def test_mover_off_its_line_stands_out_without_calibration(own: tuple[float, float, float]):
-    field = _street(own)
-    sigmas = _sigmas(field, _plane_parallax(field))
-    assert np.median(sigmas[BOX]) > 4.0
-    assert np.quantile(sigmas[~BOX], 0.98) < 3.0
 
 
 def test_planar_background_takes_the_street_for_moving():
@@ -79,16 +65,6 @@ def test_own_motion_of_a_crossing_box_is_its_flow_off_the_epipolar_line():
     assert np.hypot(*own) == pytest.approx(15.4, rel=0.15)
 
 
-def test_epipole_without_calibration_is_the_direction_of_travel():
-    """Travel (0.05, 0, 1) seen after a turn of 0.01 rad: the epipole is at the turned direction's pixel."""
-    rotation, translation = motion((0.0, 0.01, 0.0), (0.05, 0.0, 1.0))
-    field = flow(street_depth(), rotation, translation)
-    now = pixels().reshape(-1, 2)
-    model = fit_plane_parallax(now - field.reshape(-1, 2), now, CAMERA.width)
-    expected = CAMERA.fx * translation[:2] / translation[2] + [CAMERA.cx, CAMERA.cy]
-    assert np.allclose(model.epipole[:2] / model.epipole[2], expected, atol=2.0)
-
-
 def test_wrong_focal_length_still_works():
     field = _street(OWN['drives ahead'])
     guess = CameraModel.guessed(CAMERA.width, CAMERA.height, 1.1)
@@ -100,7 +76,6 @@ def test_wrong_focal_length_still_works():
 def test_nothing_known_gives_no_scene():
     field = np.full((*BOX.shape, 2), np.nan, np.float32)
     assert fit_static_scene(field, field, CAMERA, CONFIG) is None
-    assert fit_parallax_background(field, field, CAMERA.width, CAMERA.height, CONFIG) is None
 
 
 class TestChoice:
@@ -154,7 +129,7 @@ class TestChoice:
             model.fit(field, field, CAMERA, PERIOD_S)
         assert not model.three_dimensional
 
-    @pytest.mark.parametrize('name', ['planar', 'epipolar', 'plane_parallax'])
+    @pytest.mark.parametrize('name', ['planar', 'epipolar'])
     def test_choice_can_be_fixed(self, name: str):
         field, config = _street(None), BackgroundConfig(model=name, noise_share=0.04)
         still = (_sigmas(field, BackgroundSelector(config).fit(field, field, CAMERA, PERIOD_S)) < 3.0).mean()

@@ -89,3 +89,12 @@ def test_smoothing_off_gives_the_raw_fit():
     config = PipelineConfig(ego_motion=EgoMotionConfig(smoothing='none'))
     ego = estimate(view(world(6), np.eye(3)), view(world(6), matrix), config)
     assert corner_error(ego.matrix, matrix) < 0.1
+
+
+@pytest.mark.parametrize('angle_deg', [5.0, 10.0, 20.0])
+def test_inliers_are_some_of_the_tracks(angle_deg: float):
+    """A turn is measured a second time on the warped picture, with more tracks than came through the first time."""
+    for seed in range(3):
+        texture = world(seed)
+        ego = estimate(view(texture, np.eye(3)), view(texture, about_centre(angle_deg, 1.0, 0.0, 0.0)))
+        assert ego.status == EgoStatus.OK and 0 < ego.inliers <= ego.tracks

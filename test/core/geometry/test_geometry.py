@@ -10,11 +10,10 @@ from motion_detect_ros.core.background.planar import fit_background
 from motion_detect_ros.core.config import BackgroundConfig
 from motion_detect_ros.core.detection.patches import Patch, connected_pixels, joined_patches
 from motion_detect_ros.core.detection.segments import connected_segments
-from motion_detect_ros.core.geometry.bearings import bearings
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.motion_chain import MAX_LINKS, MotionChain
 from motion_detect_ros.core.geometry.warp import apply, at_scale, grid_points
-from motion_detect_ros.core.types import CameraModel, EgoMotion, EgoStatus, empty_detections
+from motion_detect_ros.core.types import EgoMotion, EgoStatus
 
 SECOND = 1_000_000_000
 
@@ -146,15 +145,6 @@ class TestBoxes:
 
     def test_joining_depends_on_the_smaller_patch(self):
         big, near, far = Patch(Box(0, 0, 40, 40), 900), Patch(Box(44, 0, 64, 20), 300), Patch(Box(90, 0, 100, 10), 80)
-        # gap 4 <= 0.25 * 20; gap from the union at 64 to 90 is 26 > 0.25 * 10
-        joined = joined_patches([big, near, far], 0.25)
+        # gap 4 <= 0.4 * 20; gap from the union at 64 to 90 is 26 > 0.4 * 10
+        joined = joined_patches([big, near, far])
         assert sorted((p.box.left, p.box.right, p.pixels) for p in joined) == [(0, 64, 1200), (90, 100, 80)]
-
-
-def test_bearing_is_the_unit_ray_through_the_centre():
-    records = empty_detections(1)
-    records['u'], records['v'] = 420.0, 240.0
-    found = bearings(records, CameraModel(640, 480, 100.0, 100.0, 320.0, 240.0))
-    # (1, 0, 1) / sqrt(2)
-    assert [float(found[f'bearing_{a}'][0]) for a in 'xyz'] == pytest.approx([0.70710678, 0.0, 0.70710678])
-    assert np.isnan(bearings(empty_detections(1), None)['bearing_x'][0])

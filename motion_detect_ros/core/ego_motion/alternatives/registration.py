@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numba
@@ -21,7 +22,7 @@ from motion_detect_ros.core.geometry.motion_models import (
     normalised,
     theta_matrix,
 )
-from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA, tukey_weights
+from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA, reweighted, tukey_weights
 from motion_detect_ros.core.geometry.warp import inverse
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 
@@ -104,21 +105,20 @@ def align(
     start: earlier pixel -> later pixel, wrong by a few pixels at most; rounds: steps at most.
     """
     descent = _steepest_descent(template, family)
-    matrix, light = start, NO_CHANGE
     corners = normalised(_corners(template.centre), template.centre)
-    for _ in range(rounds):
-        errors, weights = _compare(template, image, matrix, light)
+
+    def solve(warp: _Warp, errors: DoubleArray, weights: DoubleArray) -> _Warp | None:
         system = _solve(descent, template.values, errors, weights)
         if system is None:
-            return None
-        step, light = family.basis @ system[:-2], light + system[-2:]
-        matrix = matrix @ inverse(theta_matrix(step, template.centre))
-        matrix = matrix / matrix[2, 2]
-        if not np.isfinite(matrix).all():
-            return None
+            return _Warp(np.full((3, 3), np.nan), warp.light)
+        step = family.basis @ system[:-2]
         if np.abs(displacement(family, step, corners, template.centre)).max() < CONVERGED_PX:
-            break
-    return matrix
+            return None
+        matrix = warp.matrix @ inverse(theta_matrix(step, template.centre))
+        return _Warp(matrix / matrix[2, 2], warp.light + system[-2:])
+
+    warp = reweighted(_Warp(start, NO_CHANGE), lambda warp: _errors(template, image, warp), _weights, solve, rounds)
+    return warp.matrix if np.isfinite(warp.matrix).all() else None
 
 
 def assess(template: Template, image: FloatArray, family: ModelFamily, matrix: DoubleArray) -> Registration | None:
@@ -127,11 +127,13 @@ def assess(template: Template, image: FloatArray, family: ModelFamily, matrix: D
     The covariance is that of weighted least squares with the variance of the grey values measured on the inliers.
     """
     descent = _steepest_descent(template, family)
-    errors, weights = _compare(template, image, matrix, NO_CHANGE)
-    light = _solve(descent, template.values, errors, weights)
+    errors = _errors(template, image, _Warp(matrix, NO_CHANGE))
+    light = _solve(descent, template.values, errors, _weights(errors))
     if light is None:
         return None
-    errors, weights = _compare(template, image, matrix, NO_CHANGE + light[-2:])
+    errors = _errors(template, image, _Warp(matrix, NO_CHANGE + light[-2:]))
+    weights = _weights(errors)
+    errors = np.nan_to_num(errors)
     normal, inliers = (descent * weights[:, None]).T @ descent, weights > 0.0
     if not inliers.any() or np.linalg.cond(normal) > MAX_CONDITION:
         return None
@@ -155,22 +157,32 @@ def _steepest_descent(template: Template, family: ModelFamily) -> DoubleArray:
     return descent
 
 
-def _compare(
-    template: Template, image: FloatArray, matrix: DoubleArray, light: DoubleArray,
-) -> tuple[DoubleArray, DoubleArray]:
-    """(N,) later grey less the template's, NaN outside, and (N,) weights."""
-    errors = _sampled(image, template.points, matrix) - (light[0] * template.values + light[1])
+class _Warp(NamedTuple):
+    """(3, 3) earlier pixel -> later pixel, and gain and offset of the grey values."""
+
+    matrix: DoubleArray
+    light: DoubleArray
+
+
+def _errors(template: Template, image: FloatArray, warp: _Warp) -> DoubleArray:
+    """(N,) later grey less the template's, NaN outside."""
+    return _sampled(image, template.points, warp.matrix) - (warp.light[0] * template.values + warp.light[1])
+
+
+def _weights(errors: DoubleArray) -> DoubleArray:
+    """(N,) Tukey's, 0 outside; all 0 where too little lies on the other image."""
     known = np.isfinite(errors)
     if known.sum() <= MIN_OVERLAP * len(errors):
-        return errors, np.zeros(len(errors))
+        return np.zeros(len(errors))
     sigma = max(MAD_TO_SIGMA * float(np.median(np.abs(errors[known] - np.median(errors[known])))), MIN_SIGMA_GRAY)
-    return np.nan_to_num(errors), np.nan_to_num(tukey_weights(errors, sigma))
+    return np.nan_to_num(tukey_weights(errors, sigma))
 
 
 def _solve(
     descent: DoubleArray, values: DoubleArray, errors: DoubleArray, weights: DoubleArray,
 ) -> DoubleArray | None:
-    """(k + 2,) step of the warp, gain and offset."""
+    """(k + 2,) step of the warp, gain and offset; errors that are not known have weight 0."""
+    errors = np.nan_to_num(errors)
     design = np.column_stack([descent, values, np.ones(len(values))])
     weighted = design * weights[:, None]
     normal = weighted.T @ design

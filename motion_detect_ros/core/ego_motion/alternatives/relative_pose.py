@@ -24,7 +24,7 @@ from motion_detect_ros.core.geometry.epipolar import (
     refine_pose,
 )
 from motion_detect_ros.core.geometry.ground_plane import ground_below
-from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA, tukey_weights
+from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA, reweighted, tukey_weights
 from motion_detect_ros.core.types import CameraModel, DoubleArray, FloatArray, RelativePose
 
 #: Share of the tracks that must lie on their epipolar lines: else there is no common motion.
@@ -39,8 +39,8 @@ CLEARLY_OFF_PX = 0.5
 RIVAL_SHARE, RIVAL_PX = 1.1, 0.005
 #: ... and goes elsewhere where the cosine between the directions is under this (10 degrees).
 SAME_DIRECTION = 0.985
-#: Re-weighting rounds of the turn alone.
-ROUNDS = 8
+#: Re-weighting rounds of the rotation alone.
+ROUNDS = 7
 
 
 class RelativePoseEstimator:
@@ -134,13 +134,23 @@ def rotation_only(q: DoubleArray, p: DoubleArray) -> DoubleArray:
     Wahba's problem by singular values (Kabsch 1976), re-weighted with Tukey's biweight.
     """
     rays, seen = _unit_rays(q), _unit_rays(p)
-    weight = np.ones(len(q))
-    rotation = np.eye(3)
-    for _ in range(ROUNDS):
-        u, _, vt = np.linalg.svd((seen * weight[:, None]).T @ rays)
-        rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-        error = np.hypot(*_rotation_residual(rotation, q, p).T)
-        weight = tukey_weights(error, max(float(np.median(error)), 1e-9))
+
+    def errors(rotation: DoubleArray) -> DoubleArray:
+        return np.asarray(np.hypot(*_rotation_residual(rotation, q, p).T), np.float64)
+
+    def weights(error: DoubleArray) -> DoubleArray:
+        return tukey_weights(error, max(float(np.median(error)), 1e-9))
+
+    def solve(_: DoubleArray, error: DoubleArray, weights: DoubleArray) -> DoubleArray:
+        return _procrustes(rays, seen, weights)
+
+    return reweighted(_procrustes(rays, seen, np.ones(len(q))), errors, weights, solve, ROUNDS)
+
+
+def _procrustes(rays: DoubleArray, seen: DoubleArray, weights: DoubleArray) -> DoubleArray:
+    """(3, 3) the rotation that takes ``rays`` closest to ``seen``, (N, 3) each, by weighted least squares."""
+    u, _, vt = np.linalg.svd((seen * weights[:, None]).T @ rays)
+    rotation: DoubleArray = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     return rotation
 
 
