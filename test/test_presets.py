@@ -72,7 +72,8 @@ def test_wrong_files_are_named_in_one_line(tmp_path: Path, text: str, words: str
 
 
 def test_unknown_presets_list_the_known_ones():
-    with pytest.raises(ConfigError, match=r'moon: expected a preset \(default, kitti, visdrone\) or a YAML file'):
+    words = r'moon: expected a preset \(default, kitti, report, visdrone\) or a YAML file'
+    with pytest.raises(ConfigError, match=words):
         load_preset('moon')
 
 

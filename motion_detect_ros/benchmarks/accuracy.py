@@ -118,7 +118,8 @@ def _measure(options: argparse.Namespace, changes: Mapping[str, Any]) -> int:
     if options.record:
         append_record(options.records, record)
     if options.write:
-        replace_section(options.write, SECTIONS[counting], table(record, counting=counting))
+        section = SECTIONS[counting] + (f', preset {options.preset}' if options.preset else '')
+        replace_section(options.write, section, table(record, counting=counting))
     if options.pictures:
         for path in write_sheets(runs, options.pictures, counting):
             print(path)

@@ -18,6 +18,11 @@ FLOW_METHODS = (
     'dual_tvl1', 'deepflow', 'simpleflow', 'rlof', 'pcaflow', 'onnx')
 
 
+#: Features of the flow besides the motion itself (``core.clustering.feature_vectors``).
+FLOW_FEATURES = ('magnitude', 'angle', 'divergence', 'curl', 'consistency', 'temporal_change', 'hoof', 'entropy',
+                 'coherence')
+
+
 @dataclass(frozen=True)
 class PreprocessingConfig:
     """Grey conversion, denoising and working resolution."""
@@ -49,6 +54,9 @@ class EgoMotionConfig:
     method: str = setting(
         'indirect', 'what is compared: indirect = tracked features, direct = grey values, flow = coarse dense flow',
         choices=('indirect', 'direct', 'flow'))
+    pyramid: str = setting(
+        'gaussian', 'method direct compares grey values (gaussian) or details without the light that changes slowly '
+        'from place to place (laplacian)', choices=('gaussian', 'laplacian'))
     model: str = setting(
         'affine', 'family of warps; quadratic is the flow of a plane',
         choices=('translation', 'similarity', 'affine', 'homography', 'quadratic'))
@@ -163,6 +171,9 @@ class Art2Config:
     variant: str = setting(
         'magnitude', 'magnitude compares whole vectors, classic (Carpenter and Grossberg) their directions only',
         choices=('magnitude', 'classic'))
+    features: str = setting(
+        'motion', 'what the compared vectors consist of, separated by commas: motion (both components), '
+        + ', '.join(FLOW_FEATURES))
     vigilance: float = setting(
         0.2, '0 accepts everything as one cluster, 1 only equal vectors; classic needs 0.9 and more', low=0.0, high=1.0)
     learning_rate: float = setting(
@@ -191,12 +202,21 @@ class Art2Config:
         0.1, 'classic: components of the normalised vector up to this are noise', low=0.0, high=0.99)
 
     def __post_init__(self) -> None:
+        unknown = [name for name in self.feature_names if name not in ('motion', *FLOW_FEATURES)]
+        if unknown or not self.feature_names:
+            raise ConfigError(f'art2.features: expected some of motion, {", ".join(FLOW_FEATURES)}, '
+                              f'got {", ".join(unknown) or "none"}')
         if self.initial_neurons > self.max_neurons:
             raise ConfigError(f'art2.initial_neurons: expected at most art2.max_neurons ({self.max_neurons}), '
                               f'got {self.initial_neurons}')
         if self.c * self.d > 1.0 - self.d + 1e-9:
             ratio = self.c * self.d / (1.0 - self.d)
             raise ConfigError(f'art2.c, art2.d: expected c d / (1 - d) of at most 1, got {ratio:.3g}')
+
+    @property
+    def feature_names(self) -> tuple[str, ...]:
+        """The names in ``features``."""
+        return tuple(name.strip() for name in self.features.split(',') if name.strip())
 
 
 @dataclass(frozen=True)

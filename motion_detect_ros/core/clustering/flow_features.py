@@ -1,4 +1,4 @@
-"""Features of a flow field: what ART2 clusters, and what describes an object's motion.
+"""Features of a flow field, as ART2 may be told to see them (``art2.features``).
 
 A field is (gh, gw, 2), (dx, dy) in pixels, NaN where the flow is unknown. Every feature is NaN there and nowhere else
 because of it: neighbours do with the cells that are known. Windows are squares of an odd number of cells, cut at the
@@ -6,8 +6,6 @@ border of the field.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -23,35 +21,6 @@ Bins = npt.NDArray[np.intp]
 BINS = 8
 #: Bins of the histogram of a whole object or picture; Chaudhry et al. 2009 find no gain beyond 30.
 HOOF_BINS = 30
-
-
-@dataclass(frozen=True)
-class FlowFeatures:
-    """The nine features of every cell, (gh, gw) float32, ``hoof`` (gh, gw, ``BINS``); the functions define them."""
-
-    magnitude: FloatArray
-    angle: FloatArray
-    divergence: FloatArray
-    curl: FloatArray
-    consistency: FloatArray
-    temporal_change: FloatArray
-    hoof: FloatArray
-    entropy: FloatArray
-    coherence: FloatArray
-
-
-def flow_features(
-    flow: FloatArray, previous: FloatArray | None, cell_px: tuple[float, float], window: int = 7,
-) -> FlowFeatures:
-    """All nine features of a field.
-
-    flow: (gh, gw, 2) pixels; previous: the field before it, None = there is none; cell_px: width and height of a grid
-    cell, pixels; window: side of the neighbourhood, cells, odd.
-    Raises: FrameError for a wrong shape or window.
-    """
-    return FlowFeatures(
-        magnitude(flow), angle(flow), divergence(flow, cell_px), curl(flow, cell_px), consistency(flow, window),
-        temporal_change(flow, previous), local_hoof(flow, window), entropy(flow, window), coherence(flow, window))
 
 
 def angle(flow: FloatArray) -> FloatArray:

@@ -7,13 +7,14 @@ import numpy as np
 from motion_detect_ros.core.background.planar import Background, motion_vectors
 from motion_detect_ros.core.clustering.art2 import make_art2
 from motion_detect_ros.core.clustering.clusterer import Clusterer
+from motion_detect_ros.core.clustering.feature_vectors import FeatureVectors
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.expansion import with_growth
 from motion_detect_ros.core.detection.motion_field import MotionField
 from motion_detect_ros.core.detection.objects import ObjectFinder
 from motion_detect_ros.core.detection.photometric import ImagePair
-from motion_detect_ros.core.detection.segments import connected_segments
+from motion_detect_ros.core.detection.segments import cluster_motions, connected_segments
 from motion_detect_ros.core.geometry.frame_history import ReferenceFrame
 from motion_detect_ros.core.geometry.warp import at_scale
 from motion_detect_ros.core.types import FloatArray, FlowField, PreparedFrame
@@ -24,10 +25,11 @@ FRAGMENT_SHARE, BESIDE_SHARE, ALIKE_SHARE = 0.2, 0.3, 0.5
 
 
 class MotionDetector:
-    """Holds the ART2 memory of one kind of flow, or another clusterer in its place."""
+    """Holds the ART2 network of one kind of flow, or another clusterer in its place."""
 
     def __init__(self, config: PipelineConfig, clusterer: Clusterer | None = None) -> None:
         self._join_match = config.objects.join_match
+        self._vectors = FeatureVectors(config.art2)
         self._clusterer = clusterer or make_art2(config.art2)
         self._finder = ObjectFinder(config.objects)
 
@@ -39,6 +41,7 @@ class MotionDetector:
     def reset(self) -> None:
         """Forget the neurons."""
         self._clusterer.reset()
+        self._vectors.reset()
 
     def candidates(
         self, flow: FlowField, residual: FloatArray, background: Background, frame: PreparedFrame,
@@ -49,9 +52,10 @@ class MotionDetector:
         flow: total flow between them; residual: (gh, gw, 2) the same with the ego-motion taken out, full-resolution
         pixels, NaN = unknown; dt_s: since the frame before.
         """
-        vectors = motion_vectors(residual, background)
-        labels = self._clusterer.partial_fit(vectors.reshape(-1, 2), dt_s).reshape(vectors.shape[:2])
-        segments = connected_segments(labels, self._clusterer.prototypes, self._join_match)
+        motion = motion_vectors(residual, background)
+        labels = self._clusterer.partial_fit(self._vectors.of(motion), dt_s).reshape(motion.shape[:2])
+        clusters = cluster_motions(labels, motion, len(self._clusterer.names))
+        segments = connected_segments(labels, clusters, self._join_match)
         field = MotionField(residual, background.behind(labels > 0), reference.seconds, frame.scale)
         pair = ImagePair(frame.gray, reference.gray, at_scale(reference.matrix, frame.scale), frame.mask)
         found = without_fragments(self._finder.find(segments, field, pair, self._clusterer.names))

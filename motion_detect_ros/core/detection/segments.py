@@ -27,15 +27,27 @@ class Segment:
     box: Box
 
 
-def connected_segments(labels: LabelArray, prototypes: FloatArray, join_match: float) -> list[Segment]:
-    """Connected components (8 neighbours) of foreground cells whose neurons match at least ``join_match``.
+def cluster_motions(labels: LabelArray, motion: FloatArray, clusters: int) -> FloatArray:
+    """(K, 2) mean motion of each cluster's cells, noise units; zero for the background and for clusters without cells.
 
-    labels: (gh, gw) int32, 0 = background, negative = not presented; prototypes: (K, 2).
+    labels: (gh, gw) int32, negative = not presented; motion: (gh, gw, 2).
     """
-    joined = _joined(prototypes, join_match)
+    moving = labels.ravel() > 0
+    own, vectors = labels.ravel()[moving], motion.reshape(-1, 2)[moving]
+    count = np.maximum(np.bincount(own, minlength=clusters), 1)
+    means = np.stack([np.bincount(own, vectors[:, axis], clusters) / count for axis in (0, 1)], axis=-1)
+    return means.astype(np.float32)
+
+
+def connected_segments(labels: LabelArray, motions: FloatArray, join_match: float) -> list[Segment]:
+    """Connected components (8 neighbours) of foreground cells whose clusters' motions match at least ``join_match``.
+
+    labels: (gh, gw) int32, 0 = background, negative = not presented; motions: (K, 2) of ``cluster_motions``.
+    """
+    joined = _joined(motions, join_match)
     labels = np.ascontiguousarray(labels)
     components = _label_components(labels, joined)
-    rows, columns, summaries = _members(labels, components, len(prototypes))
+    rows, columns, summaries = _members(labels, components, len(motions))
     segments, start = [], 0
     for stop, neuron, *bounds in summaries.tolist():
         segments.append(Segment(rows[start:stop], columns[start:stop], neuron, Box(*bounds)))
@@ -44,13 +56,13 @@ def connected_segments(labels: LabelArray, prototypes: FloatArray, join_match: f
 
 
 @numba.njit(cache=True, nogil=True)
-def _joined(prototypes, join_match):  # type: ignore[no-untyped-def]
+def _joined(motions, join_match):  # type: ignore[no-untyped-def]
     """(K, K) bool: which neurons count as one motion; the background joins nothing."""
-    n = prototypes.shape[0]
+    n = motions.shape[0]
     joined = np.zeros((n, n), np.bool_)
     for i in range(1, n):
         for j in range(1, n):
-            match = similarity(prototypes[i, 0], prototypes[i, 1], prototypes[j, 0], prototypes[j, 1])
+            match = similarity(motions[i, 0], motions[i, 1], motions[j, 0], motions[j, 1])
             joined[i, j] = i == j or match >= join_match
     return joined
 

@@ -1,21 +1,17 @@
 """Flow features against analytic fields."""
 
-from dataclasses import fields
-
 import numpy as np
 import pytest
 
 from motion_detect_ros.core.background.planar import Background, motion_vectors
 from motion_detect_ros.core.clustering.flow_features import (
     BINS,
-    FlowFeatures,
     angle,
     coherence,
     consistency,
     curl,
     divergence,
     entropy,
-    flow_features,
     hoof,
     local_hoof,
     temporal_change,
@@ -217,23 +213,7 @@ class TestEntropyAndCoherence:
         np.testing.assert_array_equal(entropy(uniform((0.0, 0.0)), 3), 0.0)
 
 
-class TestAllNine:
-    def test_each_is_its_function(self):
-        flow, previous = random_directions(1, (20, 30)), random_directions(2, (20, 30))
-        flow[3, 4] = np.nan
-        found = flow_features(flow, previous, CELL_PX, 5)
-        expected = FlowFeatures(
-            magnitude(flow), angle(flow), divergence(flow, CELL_PX), curl(flow, CELL_PX), consistency(flow, 5),
-            temporal_change(flow, previous), local_hoof(flow, 5), entropy(flow, 5), coherence(flow, 5))
-        assert len(fields(found)) == 9
-        for field in fields(found):
-            values = getattr(found, field.name)
-            np.testing.assert_array_equal(values, getattr(expected, field.name))
-            assert values.dtype == np.float32 and values.shape[:2] == (20, 30), field.name
-            unknown = np.isnan(values) if values.ndim == 2 else np.isnan(values).all(axis=2)
-            assert np.argwhere(unknown).tolist() == [[3, 4]], field.name
-
-    @pytest.mark.parametrize('window', [0, 4, -3])
-    def test_an_even_window_is_refused(self, window):
-        with pytest.raises(FrameError, match=f'window: expected an odd number of cells, got {window}'):
-            flow_features(uniform(), None, CELL_PX, window)
+@pytest.mark.parametrize('window', [0, 4, -3])
+def test_an_even_window_is_refused(window: int) -> None:
+    with pytest.raises(FrameError, match=f'window: expected an odd number of cells, got {window}'):
+        consistency(uniform(), window)

@@ -17,10 +17,13 @@ from motion_detect_ros.core.ego_motion.measurement import EgoMotionMeasurement, 
 from motion_detect_ros.core.ego_motion.robust_fit import MotionFit
 from motion_detect_ros.core.geometry.motion_models import FAMILIES, ModelFamily, matrix_theta, model_family
 from motion_detect_ros.core.geometry.warp import at_scale
+from motion_detect_ros.core.preprocessing.alternatives.pyramids import gaussian_pyramid, laplacian_pyramid, reconstruct
 from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, EgoStatus, FloatArray, PreparedFrame
 
 #: Shorter side of the coarsest level at least, pixels, and blur of the finest.
 MIN_SIDE_PX, BLUR_PX = 24, 0.8
+#: Levels above the picture at most, and of details: a pixel of the last one is eight of the picture's wide.
+MAX_LEVELS, DETAIL_LEVELS = 10, 3
 #: Pixels with a gradient that are needed on the finest level.
 MIN_PIXELS = 300
 #: Steps for each family on the coarsest level, on the others, and on the finest.
@@ -36,6 +39,7 @@ class DirectMethod:
 
     def __init__(self, config: EgoMotionConfig) -> None:
         self._family = model_family(config.model)
+        self._pyramid = PYRAMIDS[config.pyramid]
         order = list(FAMILIES.values())
         self._families = order[:order.index(self._family) + 1]
 
@@ -43,14 +47,14 @@ class DirectMethod:
         self, previous: PreparedFrame, frame: PreparedFrame, prior: DoubleArray | None = None,
     ) -> EgoMotionMeasurement:
         """As ``EgoMethod``; ``prior`` is the start on the coarsest level."""
-        levels = list(zip(pyramid(previous.gray), pyramid(frame.gray), masks(previous), strict=True))
-        templates = [make_template(earlier, mask) for earlier, _, mask in levels]
+        earlier, later = self._pyramid(previous.gray), self._pyramid(frame.gray)
+        templates = [make_template(*each) for each in zip(earlier, masks(previous, len(earlier)), strict=True)]
         pixels = len(templates[0].points)
         if pixels < MIN_PIXELS:
             return EgoMotionMeasurement(None, EgoStatus.LOW_TEXTURE, pixels)
         matrix = np.eye(3) if prior is None else at_scale(prior, frame.scale)
-        top = np.linalg.matrix_power(HALF, len(levels) - 1)
-        found = self._coarse_to_fine(templates, [later for _, later, _ in levels], top @ matrix @ np.linalg.inv(top))
+        top = np.linalg.matrix_power(HALF, len(later) - 1)
+        found = self._coarse_to_fine(templates, later, top @ matrix @ np.linalg.inv(top))
         if found is None or not found.correlation >= MIN_CORRELATION:
             return EgoMotionMeasurement(None, EgoStatus.DEGENERATE, pixels)
         fit = _at_full_size(found, frame, self._family)
@@ -72,23 +76,31 @@ class DirectMethod:
         return assess(templates[0], images[0], self._family, matrix)
 
 
-def pyramid(gray: ByteArray) -> list[FloatArray]:
-    """(h, w) float32 images, finest first, each half the size of the one before (Burt and Adelson 1983)."""
-    levels = [cv2.GaussianBlur(gray, (0, 0), BLUR_PX).astype(np.float32)]
-    while min(levels[-1].shape) >= 2 * MIN_SIDE_PX:
-        levels.append(cv2.pyrDown(levels[-1]))
-    return levels
+def gaussian_levels(gray: ByteArray) -> list[FloatArray]:
+    """(h, w) float32 grey values, finest first, each half the size of the one before."""
+    return gaussian_pyramid(cv2.GaussianBlur(gray, (0, 0), BLUR_PX), MAX_LEVELS, MIN_SIDE_PX)
 
 
-def masks(frame: PreparedFrame) -> list[BoolArray | None]:
-    """The frame's mask on every level of ``pyramid``, (h, w) bool each, finest first; None where it has none."""
-    levels: list[BoolArray | None] = [frame.mask]
-    side = min(frame.gray.shape)
-    while side >= 2 * MIN_SIDE_PX:
-        finer = levels[-1]
-        levels.append(None if finer is None else np.ascontiguousarray(finer[::2, ::2]))
-        side = (side + 1) // 2
-    return levels
+def laplacian_levels(gray: ByteArray) -> list[FloatArray]:
+    """The same of the details of a Laplacian pyramid, without what is left of the picture on its last level.
+
+    Light that changes slowly from place to place adds to that level only.
+    """
+    *details, rest = laplacian_pyramid(cv2.GaussianBlur(gray, (0, 0), BLUR_PX), DETAIL_LEVELS, MIN_SIDE_PX)
+    return gaussian_pyramid(reconstruct([*details, np.zeros_like(rest)]), MAX_LEVELS, MIN_SIDE_PX)
+
+
+#: What ``ego_motion.pyramid`` may name.
+PYRAMIDS = {'gaussian': gaussian_levels, 'laplacian': laplacian_levels}
+
+
+def masks(frame: PreparedFrame, levels: int) -> list[BoolArray | None]:
+    """The frame's mask on so many levels of a pyramid, (h, w) bool each, finest first; None where it has none."""
+    found: list[BoolArray | None] = [frame.mask]
+    while len(found) < levels:
+        finer = found[-1]
+        found.append(None if finer is None else np.ascontiguousarray(finer[::2, ::2]))
+    return found
 
 
 def _at_full_size(found: Registration, frame: PreparedFrame, family: ModelFamily) -> MotionFit:

@@ -1,0 +1,103 @@
+"""The vectors that ART2 sees: motion in units of its noise, and whatever other features of the flow are asked for.
+
+Every further feature is taken as its difference from the picture's median, in units of the deviation of those
+differences, so that the background lies at zero as it does for the motion; all further features together are given the
+weight of one component of the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from motion_detect_ros.core.clustering.flow_features import (
+    angle,
+    coherence,
+    consistency,
+    curl,
+    divergence,
+    entropy,
+    local_hoof,
+    temporal_change,
+)
+from motion_detect_ros.core.config import Art2Config
+from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA
+from motion_detect_ros.core.geometry.vectors import magnitude
+from motion_detect_ros.core.types import FloatArray
+
+#: Side of the window of local features, cells, odd.
+WINDOW_CELLS = 7
+#: Features are differentiated by cells, not by pixels: only their share of the noise counts.
+CELL = (1.0, 1.0)
+#: Least deviation of a feature, its own unit: a picture without any is not divided by zero.
+MIN_DEVIATION = 1e-6
+
+#: (motion (gh, gw, 2) in noise units, that of the frame before) -> (gh, gw) or (gh, gw, n).
+Feature = Callable[[FloatArray, FloatArray | None], FloatArray]
+
+
+def _direction(motion: FloatArray, _previous: FloatArray | None) -> FloatArray:
+    """(gh, gw, 2) cosine and sine of the angle, shorter where the motion is under its noise and has none."""
+    theta, length = angle(motion), np.minimum(magnitude(motion), 1.0)
+    direction: FloatArray = np.stack([length * np.cos(theta), length * np.sin(theta)], axis=-1)
+    return direction
+
+
+#: What ``art2.features`` may name besides ``motion``: the features of the report.
+FEATURES: dict[str, Feature] = {
+    'magnitude': lambda motion, _: magnitude(motion),
+    'angle': _direction,
+    'divergence': lambda motion, _: divergence(motion, CELL),
+    'curl': lambda motion, _: curl(motion, CELL),
+    'consistency': lambda motion, _: consistency(motion, WINDOW_CELLS),
+    'temporal_change': temporal_change,
+    'hoof': lambda motion, _: local_hoof(motion, WINDOW_CELLS),
+    'entropy': lambda motion, _: entropy(motion, WINDOW_CELLS),
+    'coherence': lambda motion, _: coherence(motion, WINDOW_CELLS),
+}
+
+
+class FeatureVectors:
+    """Makes the vectors of one frame after the other."""
+
+    def __init__(self, config: Art2Config) -> None:
+        self._features = [FEATURES[name] for name in config.feature_names if name != 'motion']
+        self._with_motion = 'motion' in config.feature_names
+        self._previous: FloatArray | None = None
+
+    def reset(self) -> None:
+        """Forget the frame before."""
+        self._previous = None
+
+    def of(self, motion: FloatArray) -> FloatArray:
+        """(gh * gw, D) float32 vectors, NaN where the motion is unknown.
+
+        motion: (gh, gw, 2) against the background, noise units, NaN = unknown.
+        """
+        if not self._features:
+            return motion.reshape(-1, 2)
+        previous, self._previous = self._previous, motion
+        if previous is not None and previous.shape != motion.shape:
+            previous = None
+        known = np.isfinite(motion[..., 0]).reshape(-1)
+        further = np.concatenate([
+            feature(motion, previous).reshape(len(known), -1) for feature in self._features], axis=1)
+        scaled = _in_deviations(further, known) / np.float32(np.sqrt(further.shape[1]))
+        parts = [motion.reshape(-1, 2), scaled] if self._with_motion else [scaled]
+        vectors = np.concatenate(parts, axis=1).astype(np.float32)
+        vectors[~known] = np.nan
+        return vectors
+
+
+def _in_deviations(values: FloatArray, known: np.ndarray) -> FloatArray:
+    """(N, n) differences from the medians of the known rows, in deviations; 0 where a feature is not known."""
+    if not known.any():
+        return np.zeros_like(values)
+    with np.errstate(all='ignore'):
+        counted = np.where(np.isfinite(values), values, np.nan)[known]
+        counted = np.where(np.isfinite(counted).any(axis=0), counted, 0.0)  # e.g. no frame before
+        middle = np.nanmedian(counted, axis=0)
+        deviation = np.maximum(MAD_TO_SIGMA * np.nanmedian(np.abs(counted - middle), axis=0), MIN_DEVIATION)
+        scaled: FloatArray = np.nan_to_num((values - middle) / deviation, posinf=0.0, neginf=0.0)
+    return scaled
