@@ -1,4 +1,4 @@
-"""docs/nodes.md names every topic, field, parameter and launch argument that there is."""
+"""The pages of docs/ name what there is: every topic and parameter; files, functions and settings that exist."""
 
 from __future__ import annotations
 
@@ -8,10 +8,15 @@ from pathlib import Path
 
 import pytest
 
+from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.settings import settings
 from motion_detect_ros.core.types import DETECTION_DTYPE, EgoStatus, MotionModel
 from motion_detect_ros.presets import NODE_PARAMETERS
 
 ROOT = Path(__file__).resolve().parent.parent
+PACKAGE = ROOT / 'motion_detect_ros'
+#: How far the sizes that docs/architecture.md states may be off, share of the truth.
+LINES_TOLERANCE = 0.1
 PAGE = (ROOT / 'docs' / 'nodes.md').read_text(encoding='utf-8')
 QUOTED = set(re.findall(r'`([^`]+)`', PAGE))
 
@@ -55,3 +60,64 @@ def test_documents_linked_from_the_pages_exist():
     for page in (ROOT / 'README.md', *(ROOT / 'docs').glob('*.md')):
         for target in re.findall(r'\]\(([^)#]+)', page.read_text(encoding='utf-8')):
             assert (page.parent / target).exists() or '://' in target, f'{page.name}: {target}'
+
+
+def page(name: str) -> str:
+    return (ROOT / 'docs' / name).read_text(encoding='utf-8')
+
+
+def lines_of(path: Path) -> int:
+    return len(path.read_text(encoding='utf-8').splitlines())
+
+
+@pytest.mark.parametrize('name', ['architecture.md', 'method.md'])
+def test_modules_named_on_the_page_exist(name: str):
+    named = set(re.findall(r'`([\w/]+\.py)`', page(name)))
+    assert named
+    assert [module for module in sorted(named) if not ((PACKAGE / module).is_file() or (ROOT / module).is_file())] == []
+
+
+def definitions() -> dict[str, set[str]]:
+    """Names of the core's modules and classes -> every function and class that their files define."""
+    found: dict[str, set[str]] = {}
+    for path in (PACKAGE / 'core').rglob('*.py'):
+        nodes = [node for node in ast.walk(ast.parse(path.read_text(encoding='utf-8')))
+                 if isinstance(node, ast.FunctionDef | ast.ClassDef)]
+        for owner in (path.stem, *(node.name for node in nodes if isinstance(node, ast.ClassDef))):
+            found.setdefault(owner, set()).update(node.name for node in nodes)
+    return found
+
+
+def test_functions_and_settings_named_by_the_method_page_exist():
+    """`owner.name` is a function or class of a module or class of the core, or a setting."""
+    known, options = definitions(), {name for name, _, _ in settings(PipelineConfig())}
+    named = re.findall(r'`(\w+)\.(?!py`|md`)(\w+)`', page('method.md'))
+    assert len(named) > 10
+    assert [f'{owner}.{name}' for owner, name in named
+            if f'{owner}.{name}' not in options and name not in known.get(owner, ())] == []
+
+
+def reading_path() -> dict[str, int]:
+    """Module -> lines, as the page states them."""
+    return {module: int(lines) for module, lines in re.findall(r'^\| `(core/[^`]+)` \| (\d+) \|',
+                                                               page('architecture.md'), re.MULTILINE)}
+
+
+def test_length_of_the_reading_path():
+    stated, true = reading_path(), sum(lines_of(PACKAGE / module) for module in reading_path())
+    total = re.search(r'order of a frame, ([\d,]+) lines', page('architecture.md'))
+    assert total
+    assert int(total[1].replace(',', '')) == sum(stated.values())
+    assert sum(stated.values()) == pytest.approx(true, rel=LINES_TOLERANCE)
+
+
+def test_reading_path_shows_no_alternatives():
+    assert [module for module in reading_path() if '/alternatives/' in module] == []
+
+
+def test_rooms_stand_on_the_page_in_the_order_of_their_imports():
+    tree = ast.parse((ROOT / 'test' / 'test_layering.py').read_text(encoding='utf-8'))
+    rooms = next(ast.literal_eval(node.value) for node in tree.body
+                 if isinstance(node, ast.Assign) and getattr(node.targets[0], 'id', '') == 'ROOMS')
+    sentence = page('architecture.md').split('the rooms are ordered:')[1].split('. A room')[0]
+    assert tuple(re.findall(r'`(\w+)`', sentence)) == rooms
