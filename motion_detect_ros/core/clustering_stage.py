@@ -1,4 +1,4 @@
-"""The last stage: residual flow -> ART2 clusters -> objects -> tracks."""
+"""The last stage: residual flow -> background -> ART2 clusters -> objects -> tracks."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from motion_detect_ros.core.types import (
     empty_detections,
 )
 
-#: Nothing seen before such a frame can be found again in it.
+#: Tracks cannot be continued across such a frame.
 STARTS_ANEW = (EgoStatus.FIRST_FRAME, EgoStatus.TIME_JUMP, EgoStatus.SIZE_CHANGE)
 
 
 class ClusteringStage:
-    """Tells moving objects from background in one frame's flow and follows them over frames.
+    """Separates moving objects from the background in one frame's flow and tracks them over frames.
 
-    clusterer: in the place of the ART2 that ``config`` describes.
+    clusterer: replaces the ART2 that ``config`` describes.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class ClusteringStage:
         return self._detector.neurons
 
     def reset(self) -> None:
-        """Forget earlier frames, neurons and tracks; ids go on counting."""
+        """Clear earlier frames, neurons and tracks; ids go on counting."""
         self._scene.reset()
         self._detector.reset()
         self._tracker.reset()
@@ -62,7 +62,7 @@ class ClusteringStage:
     ) -> RecordArray:
         """Confirmed moving objects in ``frame``, dtype ``DETECTION_DTYPE``; empty where there is no reference.
 
-        ego: motion into ``frame``; reference: what ``FrameHistory`` gives for it; flow: from there into ``frame``.
+        ego: motion into ``frame``; reference: what ``FrameHistory`` returns for it; flow: from there into ``frame``.
         """
         last, self._last = self._last, frame
         if ego.status in STARTS_ANEW or (last is not None and _unlike(last, frame)):
@@ -93,5 +93,5 @@ class ClusteringStage:
 
 
 def _unlike(last: PreparedFrame, frame: PreparedFrame) -> bool:
-    """Whether the clock or the size jumped between them, which the frame whose status said so may not have lived to."""
+    """Whether the stamp or the size jumped between them; the frame whose status said so may have been dropped."""
     return frame.stamp_ns <= last.stamp_ns or (frame.width, frame.height) != (last.width, last.height)

@@ -11,7 +11,7 @@ from motion_detect_ros.core.types import ByteArray, FloatArray, RecordArray
 
 #: Hue step between consecutive ids; the golden ratio keeps any few neighbours apart.
 HUE_STEP = 0.618033988749895
-#: An arrow shows the way an object will go in this time, seconds.
+#: Arrows show the displacement in this time, seconds.
 ARROW_S = 0.5
 #: Coordinates are cut here before they are drawn, pixels.
 FAR_PX = 30_000.0

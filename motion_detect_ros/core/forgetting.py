@@ -1,4 +1,4 @@
-"""Exponential forgetting in seconds, so that every frame rate forgets alike."""
+"""Exponential forgetting with a time constant in seconds, independent of the frame rate."""
 
 from __future__ import annotations
 
@@ -6,5 +6,5 @@ import math
 
 
 def kept(dt_s: float, time_constant_s: float) -> float:
-    """Share 0 .. 1 that is kept of what was known ``dt_s`` ago; time_constant_s: over 0, seconds."""
+    """Weight 0 .. 1 of a value that is ``dt_s`` seconds old: exp(-dt_s / time_constant_s); time_constant_s: over 0."""
     return math.exp(-max(dt_s, 0.0) / time_constant_s)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 
 class FrameDecimation:
-    """Says of each frame in turn whether it is processed: the first ``keep`` of every ``of``.
+    """Decides for each frame in turn whether it is processed: the first ``keep`` of every ``of``.
 
-    What is left out is as if it had never been seen; all motion is per second of the stamps, not per frame.
+    Dropped frames are ignored altogether; velocities are per second of the stamps, not per frame.
     """
 
     def __init__(self, keep: int, of: int) -> None:
@@ -15,11 +15,11 @@ class FrameDecimation:
 
     @property
     def active(self) -> bool:
-        """Whether any frame is left out at all."""
+        """Whether any frame is dropped at all."""
         return self._keep < self._of
 
     def keep_next(self) -> bool:
-        """Whether the next frame is processed; to be asked once for every frame."""
+        """Whether the next frame is processed; call once for every frame."""
         kept = self._seen % self._of < self._keep
         self._seen += 1
         return kept

@@ -17,16 +17,16 @@ from motion_detect_ros.core.optical_flow.stage import OpticalFlowStage
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.types import NANOSECONDS, CameraModel, DoubleArray, Result, StageTimes
 
-#: Width of the scratch pictures at least; they are shrunk like any other.
+#: Minimum width of the warm-up images; they are shrunk like any other.
 MIN_WARM_UP_PX = 480
-#: Scratch pictures: the object is detected from the second on, and reported from the third on.
+#: Number of warm-up images: the object is detected from the second on, and reported from the third on.
 WARM_UP_FRAMES = 5
 
 
 class MotionPipeline:
     """Preprocessing, ego-motion, optical flow and ART2 clustering, in that order, on one frame at a time.
 
-    The stage objects are the same ones the ROS nodes run, so online and offline give the same answer.
+    The ROS nodes run the same stage objects, so online and offline results are equal.
     """
 
     def __init__(self, config: PipelineConfig | None = None, camera: CameraModel | None = None) -> None:
@@ -43,10 +43,10 @@ class MotionPipeline:
         return self._clustering.neurons
 
     def process(self, image: npt.NDArray[np.uint8], stamp_ns: int) -> Result:
-        """Detect what moves by itself in ``image``.
+        """Detect the independently moving objects in ``image``.
 
         image: (H, W) or (H, W, 3) uint8, grey or BGR; stamp_ns: time of exposure, nanoseconds.
-        Raises: FrameError for an image that cannot be processed; the state is as before the call then.
+        Raises: FrameError for an image that cannot be processed; the state is unchanged then.
         """
         start = perf_counter()
         frame = self._preprocessor.process(image, stamp_ns)
@@ -72,7 +72,7 @@ class MotionPipeline:
         self._clustering.camera = camera
 
     def reset(self) -> None:
-        """Forget every earlier frame, cluster and track; ids go on counting, none is used twice."""
+        """Clear every earlier frame, cluster and track; ids go on counting, none is used twice."""
         self._preprocessor.reset()
         self._ego_motion.reset()
         self._history.reset()
@@ -81,9 +81,9 @@ class MotionPipeline:
 
 
 def use_threads(config: LoadConfig) -> None:
-    """OpenCV's threads for this process; 0 leaves OpenCV's own number.
+    """Set the number of OpenCV's threads in this process; 0 leaves OpenCV's default.
 
-    The kernels of this package run in one thread each; the backward flow gets a thread of its own unless OpenCV has
+    The kernels of this package are single-threaded; backward flow runs in a thread of its own unless OpenCV has
     only one (``OpticalFlowStage``).
     """
     if config.threads:
@@ -91,7 +91,7 @@ def use_threads(config: LoadConfig) -> None:
 
 
 def warm_up(config: PipelineConfig) -> None:
-    """Compile (or load from the cache) every kernel and touch the memory, so that no real frame has to wait."""
+    """Compile (or load from the cache) every kernel and allocate buffers, so that the first frame is not delayed."""
     seen = replace(config.preprocessing, ignore_top_px=0, ignore_regions='')  # made for pictures of another size
     tracks = replace(config.tracks, confirm_s=0.0, confirm_log_odds=-100.0)
     pipeline = MotionPipeline(replace(config, preprocessing=seen, tracks=tracks))

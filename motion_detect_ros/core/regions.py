@@ -1,4 +1,4 @@
-"""Rectangles of the picture that users rule out, as text in a setting and as numbers."""
+"""Ignored rectangles of the image, parsed from the text of a setting."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from motion_detect_ros.core.errors import ConfigError
 
 
 class Region(NamedTuple):
-    """A rectangle of the full-resolution picture: left, top, width and height, pixels."""
+    """A rectangle of the full-resolution image: left, top, width and height, pixels."""
 
     x: int
     y: int

@@ -1,4 +1,4 @@
-"""The machinery of settings: dataclass fields with description, unit and range, walked and replaced by dotted name."""
+"""Settings: dataclass fields with description, unit and range, iterated and replaced by dotted name."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def setting(
 
 
 def settings(config: Any, prefix: str = '') -> Iterator[tuple[str, Scalar, Mapping[str, Any]]]:
-    """Walk a config: yields (dotted name, value, metadata) of every leaf, in declaration order."""
+    """Iterate over a config: yields (dotted name, value, metadata) of every leaf, in declaration order."""
     for item in dataclasses.fields(config):
         value = getattr(config, item.name)
         if dataclasses.is_dataclass(value):
@@ -53,7 +53,7 @@ def with_settings(config: Config, values: Mapping[str, Any]) -> Config:
 
 
 def _replaced(node: Any, tree: Mapping[str, Any]) -> Any:
-    """All values of a group at once, so that checks across fields see the group as it will be."""
+    """All values of a group at once, so that checks across fields see the final group."""
     return dataclasses.replace(node, **{
         name: _replaced(getattr(node, name), value) if isinstance(value, dict) else value
         for name, value in tree.items()})

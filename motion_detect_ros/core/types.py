@@ -1,4 +1,4 @@
-"""The data that stages hand to each other. Pixels are full-resolution image pixels unless said otherwise."""
+"""The data that stages exchange. Pixels are full-resolution image pixels unless said otherwise."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ DETECTION_DTYPE = np.dtype([
     ('id', '<u4'),                                   # confirmed track, never reused in a run
     ('age', '<u4'),                                  # frames since the track was first seen
     ('area', '<f4'),                                 # pixels of the object's mask
-    ('cluster', '<u4'),                              # ART2 neuron that the object's vectors fell into
+    ('cluster', '<u4'),                              # ART2 neuron of the object
 ])
 
-#: One box of ground truth: ``moving`` is 1 moves, 0 stands still, -1 counts neither way.
+#: One box of ground truth: ``moving`` is 1 moving, 0 static, -1 ignored.
 TRUTH_DTYPE = np.dtype([
     ('frame', '<i4'), ('id', '<i4'),
     ('x', '<f8'), ('y', '<f8'), ('w', '<f8'), ('h', '<f8'),  # top left corner and size, pixels
@@ -41,7 +41,7 @@ TRUTH_DTYPE = np.dtype([
 
 
 class EgoStatus(IntEnum):
-    """How far an ego-motion estimate can be trusted. Anything but OK comes with an identity matrix."""
+    """Whether there is an ego-motion estimate, and why not. Anything but OK comes with an identity matrix."""
 
     OK = 0
     FIRST_FRAME = 1
@@ -75,21 +75,21 @@ class CameraModel:
 
     @classmethod
     def of(cls, width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> CameraModel | None:
-        """The camera; None where the figures are no calibration: not finite, or a focal length under a pixel."""
+        """The camera; None where the values are no calibration: not finite, or a focal length under a pixel."""
         if not all(math.isfinite(value) for value in (fx, fy, cx, cy)) or min(fx, fy) < 1.0:
             return None
         return cls(width, height, fx, fy, cx, cy)
 
     @classmethod
     def guessed(cls, width: int, height: int, focal_share: float) -> CameraModel:
-        """A camera that looks along the middle of the picture, focal length a share of its width."""
+        """A camera with its principal point at the image centre, focal length a share of the width."""
         focal = focal_share * width
         return cls(width, height, focal, focal, (width - 1) / 2.0, (height - 1) / 2.0)
 
     def resized(self, width: int, height: int) -> CameraModel:
         """The same camera read out at another size; pixel centres sit at whole numbers.
 
-        A camera that does not tell its size is taken for one of this size.
+        A camera of unknown size is taken to be of this size.
         """
         if not self.width or not self.height:
             return replace(self, width=width, height=height)
@@ -106,7 +106,7 @@ class PreparedFrame:
 
     ``gray``: (h, w) uint8 at the working resolution; ``scale`` = working / full resolution;
     ``width, height``: full resolution, pixels; ``stamp_ns``: time of the source, nanoseconds; ``mask``: (h, w), False
-    where the picture is not the scene's (text, own hull), None = all of it is.
+    where the image does not show the scene (text, own hull), None = it does everywhere.
     """
 
     gray: ByteArray
@@ -121,13 +121,13 @@ class PreparedFrame:
 class RelativePose:
     """How the camera moved between two frames, static points X in camera coordinates: X_now = R X_previous + t.
 
-    The length of t cannot be seen in pictures: it is the unit of length here.
+    The length of t is not observable with one camera: it is the unit of length here.
 
     ``rotation``: (3, 3) R; ``direction``: (3,) t, unit vector, the camera travels along -t (current camera's axes);
     ``epipole``: (2,) full-resolution pixels of the current frame, where static points flow out of (or into); not finite
     where the camera travels parallel to the picture; ``ground``: (3,) g with g . X_now = 1 on the ground, so g / |g| is
     its normal, away from the camera, 1 / |g| the camera's height over it, and g . (x, y, 1) the inverse depth of the
-    ground at normalised (x, y); None where no ground shows.
+    ground at normalised (x, y); None where no ground is visible.
     """
 
     rotation: DoubleArray
@@ -142,8 +142,8 @@ class EgoMotion:
 
     ``matrix``: (3, 3) float64, maps previous pixel -> current pixel (full resolution).
     ``covariance``: (6, 6) float64 of the affine parameters (a0 .. a5), see ``core.ego_motion.kalman``.
-    ``residual_px``: median distance of the inliers to the model. ``camera``: None = not asked for or not determined;
-    it does not depend on ``status``, which tells of ``matrix``.
+    ``residual_px``: median distance of the inliers to the model. ``camera``: None = not enabled or not determined;
+    it does not depend on ``status``, which refers to ``matrix``.
     """
 
     matrix: DoubleArray
@@ -201,7 +201,7 @@ class StageTimes:
 
 @dataclass(frozen=True)
 class Result:
-    """What ``MotionPipeline.process`` gives for one frame; ``detections`` has dtype ``DETECTION_DTYPE``."""
+    """What ``MotionPipeline.process`` returns for one frame; ``detections`` has dtype ``DETECTION_DTYPE``."""
 
     stamp_ns: int
     ego: EgoMotion

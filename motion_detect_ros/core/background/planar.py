@@ -1,4 +1,4 @@
-"""What the background does beyond the affine: a smooth correction, and how noisy the flow is.
+"""Background flow beyond the ego-motion, and the noise of the flow.
 
 A tilted ground plane seen from a flying camera moves by a quadratic of the image coordinates (Longuet-Higgins and
 Prazdny 1980; Bergen et al. 1992, equation 8); an affine leaves up to several pixels of it in the corners.
@@ -16,7 +16,7 @@ from motion_detect_ros.core.config import BackgroundConfig
 from motion_detect_ros.core.geometry.robust import RAYLEIGH_MEDIAN, rayleigh_sigma, reweighted, tukey_weights_of_squares
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 
-#: Cells used for the fit at most; more would not change it.
+#: Maximum number of cells used for the fit; more do not change it.
 MAX_SAMPLES = 4000
 #: Re-weighting rounds; the fit is stable after four to six.
 ITERATIONS = 6
@@ -24,7 +24,7 @@ ITERATIONS = 6
 MIN_SIGMA_PX = 1e-3
 #: Share of its trace added to the normal matrix: points on one line do not determine a surface.
 RIDGE = 1e-10
-#: Fewer valid cells than this say nothing about the background.
+#: Least number of valid cells.
 MIN_CELLS = 50
 #: Cells around an object whose flow may be the object's, windows tried to fill, share of known cells a window needs.
 GUARD_CELLS, FILL_CELLS, MIN_FILL_SHARE = 2, (9, 17, 33, 65, 129), 0.02
@@ -35,7 +35,7 @@ class Background:
     """``flow``: (gh, gw, 2) residual flow of the background; ``sigma_px``: (gh, gw) its noise, one deviation.
 
     ``smooth``: one surface, known everywhere; else each cell's flow is that of the static point closest to what was
-    measured there, which says little about what an object hides.
+    measured there, which is not the background behind an object.
     """
 
     flow: FloatArray
@@ -76,8 +76,8 @@ def motion_vectors(residual: FloatArray, background: Background) -> FloatArray:
 def fit_background(residual: FloatArray, config: BackgroundConfig, magnitude: FloatArray) -> Background:
     """Robust quadratic fit of the residual flow.
 
-    residual: (gh, gw, 2) pixels, NaN = invalid; magnitude: (gh, gw) length of the camera-caused flow, pixels.
-    The noise is the measured spread of the fit plus a share of the camera's flow, never under ``noise_floor_px``.
+    residual: (gh, gw, 2) pixels, NaN = invalid; magnitude: (gh, gw) length of the total flow, pixels.
+    The noise is the measured spread of the fit, at least ``noise_floor_px``, plus a share of the total flow.
     """
     rows, columns = residual.shape[:2]
     valid = np.flatnonzero(np.isfinite(residual[..., 0]))

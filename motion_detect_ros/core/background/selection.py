@@ -1,7 +1,7 @@
-"""Which background: one smooth surface, or static points at any depth? Decided by evidence, with hysteresis.
+"""Selection of the background model, one smooth surface or static points at any depth, with hysteresis.
 
-Torr's geometric robust information criterion (1998, equation 9) weighs how well a model fits against what it costs to
-describe every point: a point on a surface has two free coordinates, one in space has three.
+By Torr's geometric robust information criterion (1998, equation 9): error of fit plus a penalty for the free
+coordinates of every point, two on a surface, three in space.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from motion_detect_ros.core.geometry.epipolar import PoseEstimate
 from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.types import CameraModel, FloatArray
 
-#: A correspondence has four coordinates; a surface leaves two of them free, a scene in space three.
+#: Dimensions of a correspondence, and of those the free ones on a surface and in space.
 DATA_DIMENSION, SURFACE_DIMENSION, SPACE_DIMENSION = 4, 2, 3
-#: Price of a free coordinate (ln 4) and bound of the error of an outlier, both per point (Torr 1998).
+#: Penalty of a free coordinate (ln 4) and truncation of the squared error, both per point (Torr 1998).
 PER_DIMENSION, OUTLIER = math.log(4.0), 2.0
 #: Noise assumed of the flow when the models are compared: pixels, and share of the flow.
 NOISE_PX, NOISE_SHARE = 0.3, 0.02
-#: Memory of the score, seconds, and how far it must cross zero before the model changes.
+#: Time constant of the smoothed score, seconds, and how far it must cross zero before the model changes.
 SCORE_MEMORY_S, HYSTERESIS = 0.11, 0.2
 
 
 class BackgroundSelector:
-    """Gives the background of each frame; remembers the camera's motion and which model is in use."""
+    """Fits the background of each frame; keeps the camera's motion and the model in use."""
 
     def __init__(self, config: BackgroundConfig) -> None:
         self._config = config
         self.reset()
 
     def reset(self) -> None:
-        """Forget the camera's motion; planar until the evidence says otherwise."""
+        """Clear the camera's motion; planar until the criterion changes it."""
         self._motion: PoseEstimate | None = None
         self._score: float | None = None
         self.three_dimensional = False
@@ -54,7 +54,7 @@ class BackgroundSelector:
         sigma = NOISE_PX + NOISE_SHARE * length
         cost, perfect = _cost(residual, planar, sigma, SURFACE_DIMENSION), SPACE_DIMENSION * PER_DIMENSION
         if self._config.model == 'auto' and cost <= perfect and not self.three_dimensional:
-            self._decide(cost - perfect, dt_s)  # even a perfect fit in space would not be worth it
+            self._decide(cost - perfect, dt_s)  # even a perfect fit in space has the higher criterion
             return planar
         scene = fit_static_scene(flow, residual, camera, self._config, self._motion)
         if scene is None:
@@ -65,14 +65,14 @@ class BackgroundSelector:
         return scene.background if self.three_dimensional or self._config.model == 'epipolar' else planar
 
     def _decide(self, score: float, dt_s: float) -> None:
-        """score: positive where space explains more than it costs."""
+        """score: criterion of the planar less that of the three-dimensional model."""
         remembered = kept(dt_s, SCORE_MEMORY_S)
         self._score = score if self._score is None else remembered * self._score + (1.0 - remembered) * score
         self.three_dimensional = self._score > (-HYSTERESIS if self.three_dimensional else HYSTERESIS)
 
 
 def _cost(residual: FloatArray, background: Background, sigma: FloatArray, dimension: int) -> float:
-    """Mean cost of a cell under a model; the models' own parameters are nothing against so many cells."""
+    """Mean cost of a cell under a model; the number of the models' own parameters is negligible."""
     error = magnitude(residual - background.flow) / sigma
     error = error[np.isfinite(error)]
     bound = OUTLIER * (DATA_DIMENSION - dimension)

@@ -1,7 +1,7 @@
-"""Background in three dimensions: what a static point can do, and by how much each cell of the flow exceeds it.
+"""Three-dimensional background: object flow as the distance of each cell from the positions of a static point.
 
-Three tests in one figure. A static point lies on its epipolar line, in front of the camera, and not below the ground;
-a cell's own motion is its distance to the part of the line that all three allow.
+A static point lies on its epipolar line, in front of the camera, and not below the ground. A cell's object flow is its
+distance to the part of the line that satisfies all three.
 """
 
 from __future__ import annotations

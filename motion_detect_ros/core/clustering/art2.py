@@ -32,7 +32,7 @@ CLEARLY_MOVING = 0.2
 
 
 def make_art2(config: Art2Config) -> Art2Network[Any]:
-    """An empty memory of the variant that ``config`` chooses."""
+    """An empty network of the variant ``config.variant``."""
     return Art2Classic(config) if config.variant == 'classic' else Art2(config)
 
 

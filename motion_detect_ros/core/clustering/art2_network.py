@@ -1,11 +1,11 @@
 """What the ART2 variants share: neurons that persist over frames, growth, learning passes, merging, forgetting.
 
-A variant says how vectors become F1 activities, how well they match a neuron and how a neuron learns; the search
-itself is the same. Neuron 0 is the background, fixed at zero.
+A variant defines how vectors become F1 activities, how well they match a neuron and how a neuron learns; the search
+is the same. Neuron 0 is the background, fixed at zero.
 
-Inputs that commit neurons are presented most novel first (farthest-first, Gonzalez 1985): the vector that the
-committed neurons match worst is the next one. The order does not depend on the raster, and as it does not depend on
-the vigilance either, a higher vigilance never gives fewer neurons (one frame, fresh memory, nothing merged).
+Inputs that commit neurons are presented most novel first (farthest-first, Gonzalez 1985): the next one is the vector
+with the worst match with the committed neurons. The order depends neither on the raster nor on the vigilance, so a
+higher vigilance never gives fewer neurons (one frame, empty network, nothing merged).
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from motion_detect_ros.core.types import DoubleArray, FloatArray
 LabelArray = npt.NDArray[np.int32]
 #: Label of a vector that is not presented (invalid flow).
 NOT_PRESENTED = -1
-#: Learning passes over a frame at most; assignments settle after two to four.
+#: Maximum number of learning passes over a frame; assignments settle after two to four.
 MAX_PASSES = 5
-#: Time between frames where the caller knows none, and what sums of such times may miss, seconds.
+#: Default frame period, and rounding tolerance of sums of periods, seconds.
 PERIOD_S, TIME_TOLERANCE_S = 0.04, 1e-6
 
 
@@ -35,7 +35,7 @@ class VectorsError(MotionDetectError, ValueError):
 
 
 class Fed(Protocol):
-    """A frame as F1 hands it to F2.
+    """A frame as F1 passes it to F2.
 
     ``vectors``: (N, D) float32, what was presented; ``still``: (N,) match with the background, NaN = not presented.
     """
@@ -53,14 +53,14 @@ F1 = TypeVar('F1', bound=Fed)
 
 
 class Art2Network(ABC, Generic[F1]):
-    """The clustering memory: neurons (prototypes) that persist from frame to frame.
+    """A network of neurons (prototypes) that persist from frame to frame.
 
     ``prototypes``: (K, D) float32, row 0 the background.
     """
 
-    #: Below this worst match the initial neurons still spread out, above it the vectors are one motion.
+    #: Initial neurons are committed until the worst match reaches this.
     spread_match: float
-    #: Initial neurons are spread over vectors whose match with the background is under this.
+    #: Initial neurons are committed to vectors whose match with the background is under this.
     clearly_moving: float
 
     def __init__(self, config: Art2Config) -> None:
@@ -68,7 +68,7 @@ class Art2Network(ABC, Generic[F1]):
         self.reset()
 
     def reset(self) -> None:
-        """Forget all neurons but the background; names start anew."""
+        """Clear all neurons but the background; names restart at 1."""
         self._next_name = 1
         self._clear(2)
 
@@ -118,7 +118,7 @@ class Art2Network(ABC, Generic[F1]):
 
     @abstractmethod
     def _feed(self, vectors: FloatArray) -> F1:
-        """F1's activities for every vector, before any neuron answers."""
+        """F1's activities for every vector, without feedback from F2."""
 
     @abstractmethod
     def _compete(self, f1: F1, labels: LabelArray, match: FloatArray) -> int:
@@ -126,7 +126,7 @@ class Art2Network(ABC, Generic[F1]):
 
     @abstractmethod
     def _compete_new(self, f1: F1, labels: LabelArray, match: FloatArray) -> None:
-        """The newest neuron takes the vectors it matches best."""
+        """Assign to the newest neuron the vectors that it matches best."""
 
     @abstractmethod
     def _commitment(self, f1: F1, index: int) -> FloatArray:
@@ -141,7 +141,7 @@ class Art2Network(ABC, Generic[F1]):
         """(K, K) match of every neuron with every other."""
 
     def _grow(self, f1: F1, labels: LabelArray, match: FloatArray) -> None:
-        """Spread the initial neurons over what clearly moves, then grow while any vector fails the vigilance."""
+        """Commit the initial neurons to what clearly moves, then grow while any vector fails the vigilance."""
         config = self._config
         self._commit_novel(f1, labels, match, config.initial_neurons, self.spread_match, self.clearly_moving)
         self._commit_novel(f1, labels, match, config.max_neurons, config.vigilance, 1.0)
@@ -193,7 +193,7 @@ class Art2Network(ABC, Generic[F1]):
         self.prototypes, self._names, self._idle_s = self.prototypes[keep], self._names[keep], self._idle_s[keep]
 
     def _checked(self, vectors: FloatArray) -> FloatArray:
-        """``vectors`` as contiguous float32; a memory without neurons takes any dimension."""
+        """``vectors`` as contiguous float32; an empty network accepts any dimension."""
         vectors = np.ascontiguousarray(vectors, np.float32)
         if vectors.ndim != 2 or vectors.shape[1] == 0:
             raise VectorsError(f'vectors: expected shape (N, D), got {vectors.shape}')

@@ -1,4 +1,4 @@
-"""What the detector asks of a clusterer; ``Art2Network`` is one."""
+"""Interface of the clusterers; ``Art2Network`` implements it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Clusterer(Protocol):
         """(K,) number of each cluster, 0 = background."""
 
     def reset(self) -> None:
-        """Forget earlier frames."""
+        """Clear the state of earlier frames."""
 
     def partial_fit(self, vectors: FloatArray, dt_s: float) -> LabelArray:
         """(N,) int32 index into ``prototypes`` (K, 2) for (N, 2) float32 vectors in noise units, -1 = not finite.

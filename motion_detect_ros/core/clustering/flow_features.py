@@ -1,7 +1,7 @@
 """Features of a flow field, as ART2 may be told to see them (``art2.features``).
 
-A field is (gh, gw, 2), (dx, dy) in pixels, NaN where the flow is unknown. Every feature is NaN there and nowhere else
-because of it: neighbours do with the cells that are known. Windows are squares of an odd number of cells, cut at the
+A field is (gh, gw, 2), (dx, dy) in pixels, NaN where the flow is unknown. Every feature is NaN there, and only
+there: neighbours use the cells that are known. Windows are squares of an odd number of cells, cut at the
 border of the field.
 """
 

@@ -1,4 +1,4 @@
-"""One object seen in one frame: what detection hands to tracking."""
+"""One detected object in one frame: the input of tracking."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from motion_detect_ros.core.types import DoubleArray
 
 @dataclass(frozen=True)
 class Growth:
-    """How fast one candidate grows in the picture.
+    """Rate of expansion of one candidate in the image.
 
-    ``rate``: closing speed over distance, 1/s, at the time of the frame; ``variance``: of it; ``seconds``: between the
-    two pictures it was measured in; ``log_size``: logarithm of the box's size, NaN where the picture's border cuts it.
+    ``rate``: closing speed over distance, 1/s, at the time of the frame; ``variance``: of it; ``seconds``: time
+    between the two frames; ``log_size``: logarithm of the box's size, NaN where the image border cuts it.
     """
 
     rate: float
@@ -23,9 +23,9 @@ class Growth:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One object seen in one frame. ``centre``, ``size``, ``velocity_px_s``: (2,) full-resolution pixels.
+    """One detected object in one frame. ``centre``, ``size``, ``velocity_px_s``: (2,) full-resolution pixels.
 
-    ``log_odds``: how sure this frame alone is that it moves, see ``scoring``; ``growth``: None = not measured.
+    ``log_odds``: that it moves, from this frame alone, see ``scoring``; ``growth``: None = not measured.
     """
 
     centre: DoubleArray

@@ -39,7 +39,7 @@ class MotionDetector:
         return len(self._clusterer.prototypes)
 
     def reset(self) -> None:
-        """Forget the neurons."""
+        """Clear the neurons."""
         self._clusterer.reset()
         self._vectors.reset()
 
@@ -47,9 +47,9 @@ class MotionDetector:
         self, flow: FlowField, residual: FloatArray, background: Background, frame: PreparedFrame,
         reference: ReferenceFrame, dt_s: float,
     ) -> list[Candidate]:
-        """What moves against the background between ``reference`` and ``frame``.
+        """Objects that move against the background between ``reference`` and ``frame``.
 
-        flow: total flow between them; residual: (gh, gw, 2) the same with the ego-motion taken out, full-resolution
+        flow: total flow between them; residual: (gh, gw, 2) the same without the ego-motion, full-resolution
         pixels, NaN = unknown; dt_s: since the frame before.
         """
         motion = motion_vectors(residual, background)
@@ -63,7 +63,7 @@ class MotionDetector:
 
 
 def without_fragments(candidates: list[Candidate]) -> list[Candidate]:
-    """Without the small ones that move along with a much larger one beside them: its shadow, wake or reflection."""
+    """Without small candidates that move along with a much larger neighbour: its shadow, wake or reflection."""
     if not candidates:
         return []
     centre, size, velocity = (np.array([getattr(one, name) for one in candidates])

@@ -1,4 +1,4 @@
-"""How fast something grows in the picture, from the flow of its own cells."""
+"""Rate of expansion of an object, from the flow of its cells."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from motion_detect_ros.core.geometry.order_statistics import median
 from motion_detect_ros.core.geometry.robust import RAYLEIGH_MEDIAN, TUKEY_C
 from motion_detect_ros.core.types import FloatArray, FlowField
 
-#: Fewer cells than this are no measurement.
+#: Least number of cells of a measurement.
 MIN_CELLS = 20
-#: Share of the object's motion that a cell of it has at least; what has less is the seam that flow draws to the ground.
+#: Least share of the object's motion in its cells; those with less lie on the smeared boundary to the ground.
 MOTION_SHARE = 0.75
-#: Re-weighting rounds, and the least deviation believed, pixels.
+#: Re-weighting rounds, and least deviation, pixels.
 ROUNDS, MIN_SIGMA_PX = 5, 0.02
-#: Cells whose errors go together: flow is smooth over patches of about four by four cells.
+#: Number of cells with correlated errors: flow is smooth over about four by four cells.
 CELLS_A_PATCH = 16.0
-#: Nothing was smaller than this share of what it is now.
+#: Least former size, share of the present one.
 MIN_SHRINKAGE = 0.1
-#: A box so close to the border of the picture may be cut by it.
+#: A box so close to the image border may be cut by it, pixels.
 BORDER_PX = 4.0
 
 
 def with_growth(
     candidates: list[Candidate], flow: FlowField, object_flow: FloatArray, seconds: float,
 ) -> list[Candidate]:
-    """The candidates with the growth of each where its cells tell it.
+    """The candidates with their growth, where their cells determine it.
 
-    flow: total flow over ``seconds``, the camera's part included: contact is between camera and object; object_flow:
+    flow: total flow over ``seconds``, camera motion included: contact is between camera and object; object_flow:
     (gh, gw, 2) motion against the background, pixels, which tells an object's cells from those of the background.
     """
     return [replace(seen, growth=growth(flow, object_flow, seen, seconds)) for seen in candidates]
@@ -62,7 +62,7 @@ def growth(flow: FlowField, object_flow: FloatArray, seen: Candidate, seconds: f
 
 
 def _log_size(seen: Candidate, width: int, height: int) -> float:
-    """Logarithm of the geometric mean of the sides; NaN where the border of the picture cuts the box."""
+    """Logarithm of the geometric mean of the sides; NaN where the image border cuts the box."""
     (u, v), (across, down) = seen.centre.tolist(), seen.size.tolist()
     beside = min(u - across / 2.0, v - down / 2.0, width - u - across / 2.0, height - v - down / 2.0)
     return 0.5 * math.log(across * down) if beside >= BORDER_PX else math.nan

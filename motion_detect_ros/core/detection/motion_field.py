@@ -1,4 +1,4 @@
-"""What the grid says about one frame: motion of the background, motion of an object against it, what is known."""
+"""Motion on the grid of one frame: background flow, object flow, and where they are known."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.order_statistics import median
 from motion_detect_ros.core.types import FloatArray
 
-#: How far around an object the flow shows whether it is to be trusted there, cells.
+#: Margin around an object in which the share of known flow is measured, cells.
 AROUND_CELLS = 4
 
 
@@ -23,7 +23,7 @@ class MotionField:
     """Motion on the grid of one frame.
 
     ``residual``: (gh, gw, 2) motion beyond the ego-motion, full-resolution pixels over ``seconds``, NaN = unknown;
-    ``background``: what of it is the background's; ``scale``: working / full resolution.
+    ``background``: its background flow; ``scale``: working / full resolution.
     """
 
     residual: FloatArray
@@ -56,7 +56,7 @@ class MotionField:
     def object_motion(self, rows: slice, columns: slice) -> tuple[FloatArray, float, float]:
         """Motion against the background in a window of cells: (2,) pixels, in noise units, share of known cells.
 
-        The median of the faster half of the cells; the slower half is leaked background.
+        The median of the faster half of the cells; the slower half is smeared background.
         """
         motion, known, sigma_px = _object_motion(self.residual, self.background.flow, self.background.sigma_px,
                                               rows.start, rows.stop, columns.start, columns.stop)
@@ -72,7 +72,7 @@ class MotionField:
 def _enlarged(flow, left, top, right, bottom, width, height, scale):  # type: ignore[no-untyped-def]
     """(bottom - top, right - left, 2) pixels of a grid over a ``width`` x ``height`` picture, linear, times ``scale``.
 
-    Between the outermost cells' centres and the picture's border the outermost cells hold.
+    Between the outermost cells' centres and the image border the outermost cells are replicated.
     """
     rows, columns = flow.shape[:2]
     enlarged = np.empty((bottom - top, right - left, 2), np.float32)

@@ -36,7 +36,7 @@ PEAK_PERCENTILE = 90.0
 
 
 class ObjectFinder:
-    """Checks every segment against the images and fits its boxes."""
+    """Tests every segment on the images and fits its boxes."""
 
     def __init__(self, config: ObjectsConfig) -> None:
         self._config = config
@@ -55,7 +55,7 @@ class ObjectFinder:
                 for segment in segments for patch in self._patches(segment, field, pair, noise_gray)]
 
     def _patches(self, segment: Segment, field: MotionField, pair: ImagePair, noise_gray: float) -> list[Patch]:
-        """Patches of the image around one segment that its motion explains, working-resolution pixels."""
+        """Foreground patches around one segment, working-resolution pixels."""
         height, width = pair.current.shape
         reach = reach_px(field.object_motion_of(segment))
         region = self._region(segment, field, reach, width, height)
@@ -69,7 +69,7 @@ class ObjectFinder:
 
     @staticmethod
     def _region(segment: Segment, field: MotionField, reach: int, width: int, height: int) -> Box:
-        """What the object of a segment may cover: flow of what moves far is found on a part of it only."""
+        """Region that the object may cover: of fast objects flow is known on a part only."""
         rows, columns = field.residual.shape[:2]
         cells = segment.box
         box = Box(cells.left * width // columns, cells.top * height // rows,

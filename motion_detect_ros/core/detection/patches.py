@@ -1,4 +1,4 @@
-"""Patches of pixels: connected components of a foreground mask, and parts of one body joined."""
+"""Connected components of a foreground mask, and joining of the parts of one object."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.types import BoolArray, ByteArray
 
-#: Area of the box around two parts of one body, at most, over the sum of their own boxes.
+#: Largest area of the box around two parts of one object, over the sum of the areas of their own boxes.
 MAX_SPREAD = 1.3
 #: Gap between them, at most, share of the smaller one's size.
 GAP_SHARE = 0.4
@@ -20,7 +20,7 @@ GAP_SHARE = 0.4
 
 @dataclass(frozen=True)
 class Patch:
-    """Pixels that belong together: their bounds, and their number."""
+    """Bounds and number of the pixels of a component."""
 
     box: Box
     pixels: int
@@ -31,9 +31,9 @@ class Patch:
 
 
 def connected_pixels(mask: BoolArray, closing_px: int) -> tuple[int, npt.NDArray[np.int32]]:
-    """Labels that true pixels share which hang together once gaps up to ``closing_px`` are closed.
+    """Connected-component labelling after morphological closing with an ellipse of ``closing_px``.
 
-    Returns the number of labels, 0 included, which is no group; and (h, w) labels, of meaning on the mask only.
+    Returns the number of labels, background label 0 included, and (h, w) labels, meaningful where ``mask`` is True.
     """
     closed = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_CLOSE, _ellipse(closing_px))
     count, labels = cv2.connectedComponents(closed, connectivity=8)

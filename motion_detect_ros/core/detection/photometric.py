@@ -1,13 +1,13 @@
-"""Does an object's own motion explain the image better than the background's motion? And where exactly?
+"""Photometric test: which pixels does an object's motion explain better than the background flow?
 
 Two hypotheses for every pixel of a candidate: it moved with the background, or with the object. Each predicts the
-pixel from the reference frame; the gain is the drop in squared error from the first to the second, in units of the
-image noise, averaged over a small window. Leaked flow around an object and false flow on textureless ground gain
-nothing.
+pixel from the reference frame. The likelihood gain is the squared error of the first less that of the second, over the
+variance of the image noise, averaged over a small window. It is near zero for flow smeared around an object and for
+false flow on textureless ground.
 
-Where the object has just left, plain background may be explained by its motion too (the ghost of every difference
-image). A pixel of the object at p was at p - motion before, and there the image changed as well; for a ghost that
-place lies behind the object, where nothing changed.
+Uncovered background may fit the object's motion too (the ghost of every difference image). A pixel of the object at p
+was at p - motion before, and there the image changed as well; for a ghost that place lies behind the object, where
+nothing changed.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA
 from motion_detect_ros.core.geometry.warp import inverse
 from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
 
-#: Window over which errors are averaged, and slack in position of "the image changed there", pixels.
+#: Window over which errors are averaged, and window in which a change at the origin is searched, pixels.
 WINDOW_PX = 3
 SLACK_PX = 5
-#: Grey levels under which image noise is never taken to be (quantisation, compression).
+#: Least image noise, grey levels (quantisation, compression).
 MIN_NOISE_GRAY = 1.5
 
 
@@ -57,7 +57,7 @@ class ImagePair:
 
 @dataclass(frozen=True)
 class PhotometricTest:
-    """``foreground``: (h, w) mask of the moving object; ``gain``: (h, w) likelihood gain that it is judged by."""
+    """``foreground``: (h, w) mask of the moving object; ``gain``: (h, w) likelihood gain."""
 
     foreground: BoolArray
     gain: FloatArray
@@ -69,8 +69,8 @@ def photometric_test(
 ) -> PhotometricTest:
     """Which pixels of ``region`` the motion explains better than the background, by ``threshold_sigma`` noise levels.
 
-    window: what the errors are computed in, ``region`` and around it the places that its pixels came from (``reach``);
-    pixels from outside of it count as background. background_flow: (2,) or (h, w, 2) of ``window``, motion: (2,), both
+    window: where errors are computed, ``region`` and the origins of its pixels around it (``reach_px``); pixels with an
+    origin outside of it count as background. background_flow: (2,) or (h, w, 2) of ``window``, motion: (2,), both
     pixels over the pair, beyond the ego-motion; noise_gray: one deviation.
     """
     shape = (window.height, window.width, 2)
@@ -87,7 +87,7 @@ def photometric_test(
 
 
 def reach_px(object_motion: FloatArray) -> int:
-    """How far around an object the places lie that its pixels came from, with the slack of the test.
+    """Largest distance of an object's pixels from their origins, with the slack of the test.
 
     object_motion: (2,) pixels over the pair, against the background.
     """
@@ -95,7 +95,7 @@ def reach_px(object_motion: FloatArray) -> int:
 
 
 def image_noise(pair: ImagePair, points: FloatArray, background: FloatArray) -> float:
-    """Deviation of the grey values that the background's motion leaves unexplained (median absolute, Gaussian scale).
+    """Standard deviation of the grey-value error of the background flow (from the median absolute error).
 
     points: (n, m, 2) sample positions; background: (n, m, 2) motion beyond the ego-motion there, working pixels.
     """
@@ -128,7 +128,7 @@ def _grey_before(image, back, x, y):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _squared_errors(current, reference, back, left, top, background_flow, motion):  # type: ignore[no-untyped-def]
-    """(h, w, 2) squared grey-value error of every pixel of a box if it was background_flow, if it moved."""
+    """(h, w, 2) squared grey-value error of every pixel of a box under background flow and under the motion."""
     height, width = background_flow.shape[:2]
     errors = np.empty((height, width, 2), np.float32)
     for r in range(height):
@@ -146,10 +146,10 @@ def _squared_errors(current, reference, back, left, top, background_flow, motion
 def _explained(  # type: ignore[no-untyped-def]
     errors, left, top, right, bottom, background_flow, motion, noise, change, threshold,
 ):
-    """Pixels of a box, in coordinates of ``errors``, that gain more than ``threshold`` and came from change.
+    """Pixels of a box, in coordinates of ``errors``, with a gain over ``threshold`` and a change at their origin.
 
-    errors: (h, w, 2) mean squared errors; change: what of the first is one. Returns (bottom - top, right - left) mask
-    and gain in units of ``noise``.
+    errors: (h, w, 2) mean squared errors; change: value of the first from which the image changed. Returns
+    (bottom - top, right - left) mask and gain in units of ``noise``.
     """
     height, width = errors.shape[:2]
     slack = SLACK_PX // 2
@@ -176,7 +176,7 @@ def _explained(  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _median_error(current, reference, back, points, background_flow):  # type: ignore[no-untyped-def]
-    """Median grey-value error at ``points`` (n, m, 2) if they were still; errors are whole numbers, so by counting."""
+    """Median grey-value error at ``points`` (n, m, 2) under background flow; by counting, as errors are integers."""
     counts = np.zeros(256, np.int64)
     for r in range(points.shape[0]):
         for c in range(points.shape[1]):

@@ -1,29 +1,28 @@
-"""How sure one candidate is, from what is known about it in one frame.
+"""Log odds of one candidate from one frame.
 
-A logistic regression (Cox 1958) of "this candidate is a moving object" on four figures: what area its own
-motion explains better, how fast it is in units of the flow's noise, and how much of the flow in and around it survived
-the check both ways. The coefficients were fitted over the candidates of the real clips in docs/accuracy.md, every clip
-with equal weight, the intercept then lowered until false boxes were rare; docs/accuracy.md tells how they change, and
-what they are worth, when one clip is left out.
+A logistic regression (Cox 1958) of "this candidate is a moving object" on four figures: area of its foreground, speed
+in units of the flow's noise, and share of the flow in and around its box that passed the forward-backward check. The
+coefficients were fitted over the candidates of the real clips in docs/accuracy.md, every clip with equal weight, the
+intercept then lowered until false boxes were rare; docs/accuracy.md says how they change when one clip is left out.
 """
 
 from __future__ import annotations
 
 import math
 
-#: Width that the pictures of the fit had; areas are taken as if every picture had it.
+#: Image width of the fit; areas are scaled to it.
 FITTED_WIDTH_PX = 960
 INTERCEPT = -24.5
 PER_LOG_PIXELS = 1.9
 PER_LOG_SIGMAS = 1.25
 PER_KNOWN_SHARE = 5.5
 PER_KNOWN_AROUND = 6.9
-#: Motion below this counts as this, noise units.
+#: Least motion, noise units.
 MIN_SIGMAS = 0.1
 
 
 def log_odds(area_share: float, sigmas: float, known_share: float, known_around: float) -> float:
-    """Logarithm of p / (1 - p) that a candidate moves by itself.
+    """Logarithm of p / (1 - p), p the probability that a candidate is a moving object.
 
     area_share: its foreground's area over the square of the picture's width, so that the same object has the same at
     every resolution; sigmas: motion against the background in noise units; known_share, known_around: share of the
@@ -35,5 +34,5 @@ def log_odds(area_share: float, sigmas: float, known_share: float, known_around:
 
 
 def probability(odds: float) -> float:
-    """0..1 of a logarithm of odds."""
+    """0..1 of log odds."""
     return 1.0 / (1.0 + math.exp(-max(-50.0, min(50.0, odds))))

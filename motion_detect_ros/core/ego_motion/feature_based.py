@@ -29,7 +29,7 @@ class IndirectMethod:
     def measure(
         self, previous: PreparedFrame, frame: PreparedFrame, prior: DoubleArray | None = None,
     ) -> EgoMotionMeasurement:
-        """As ``EgoMethod``; ``prior`` is where the tracker starts to look."""
+        """As ``EgoMethod``; ``prior`` is the initial guess of the tracker."""
         config = self._config
         at_work = None if prior is None else at_scale(prior, frame.scale)
         points = find_features(
@@ -56,7 +56,7 @@ class IndirectMethod:
     def _refined(
         self, matrix: DoubleArray, points: FloatArray, previous: PreparedFrame, frame: PreparedFrame,
     ) -> MotionFit | None:
-        """Tracks again on the previous frame warped by the first estimate: turned and scaled patches match badly."""
+        """Tracks again on the previous frame warped by the first estimate: rotated and scaled patches match badly."""
         at_work = at_scale(matrix, frame.scale)
         start = apply(at_work, points)
         seen = ((start > BLOCK_PX) & (start < np.array(frame.gray.shape[::-1]) - BLOCK_PX)).all(axis=1)

@@ -1,4 +1,4 @@
-"""Points to track, by any of several detectors, spread evenly over the image."""
+"""Feature detectors; the features are distributed evenly over the image."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ import numpy.typing as npt
 from motion_detect_ros.core.errors import BackendError
 from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
 
-#: Window of the corner response, distance that points keep from border and mask, pixels.
+#: Window of the corner response, and least distance of points from border and mask, pixels.
 BLOCK_PX = 5
-#: Width from which corners are looked for at half resolution: tracking needs texture, not a corner to the pixel.
+#: Width from which corners are detected at half resolution: tracking needs texture, not an exact corner position.
 HALVED_FROM_PX = 640
-#: Cells over which points are spread.
+#: Cells over which points are distributed.
 ROWS, COLUMNS = 6, 8
 #: Weight of the squared trace in the score of Harris and Stephens.
 HARRIS_K = 0.04
-#: Contrast that FAST, ORB and BRISK ask for, grey levels.
+#: Contrast threshold of FAST, ORB and BRISK, grey levels.
 CONTRAST_GRAY = 4
-#: ORB finds this many times what is asked for, so that every cell has a choice.
+#: ORB detects this many times the wanted features, so that every cell has a choice.
 ORB_SURPLUS = 32
 #: Octaves of BRISK above the image itself: the centre of a large blob is textureless for the tracker.
 BRISK_OCTAVES = 1
@@ -36,13 +36,13 @@ Detector = Callable[[ByteArray, int, ByteArray], tuple[DoubleArray, DoubleArray]
 def find_features(
     kind: str, gray: ByteArray, count: int, quality: float, mask: BoolArray | None = None,
 ) -> FloatArray:
-    """The strongest points of every cell of a grid, so that one textured spot does not own all.
+    """The strongest points of every cell of a grid, so that one textured spot does not dominate.
 
     kind: ``shi_tomasi`` (smallest eigenvalue of the structure tensor, Shi and Tomasi 1994), ``harris`` (Harris and
     Stephens 1988), ``fast`` (Rosten and Drummond 2006), ``orb`` (FAST over scales, ranked by Harris, Rublee et al.
     2011), ``brisk`` (Leutenegger et al. 2011), ``mser`` (centres of small maximally stable regions, Matas et al. 2002).
-    gray: (H, W) uint8; quality: smallest strength, relative to the best; mask: (H, W), nothing is found where it is
-    False nor within ``BLOCK_PX`` of it.
+    gray: (H, W) uint8; quality: smallest strength, relative to the best; mask: (H, W), no points where it is
+    False, nor within ``BLOCK_PX`` of it.
     Returns (N, 2) float32, pixels (x, y), N <= max(count, number of cells).
     Raises: BackendError for a kind that is unknown or not in this OpenCV.
     Source of the grid: Kitt et al. 2010.
@@ -92,7 +92,7 @@ def _brisk(gray: ByteArray, _count: int, allowed: ByteArray) -> tuple[DoubleArra
 
 
 def _mser(gray: ByteArray, _count: int, _allowed: ByteArray) -> tuple[DoubleArray, DoubleArray]:
-    """Centres of gravity; a region is the stronger the larger it is."""
+    """Centres of gravity; the strength of a region is its area."""
     regions, _ = cv2.MSER_create(MSER_DELTA_GRAY, MSER_MIN_AREA, MSER_MAX_AREA).detectRegions(gray)
     centres = np.array([region.mean(axis=0) for region in regions], np.float64).reshape(-1, 2)
     return centres, np.array([len(region) for region in regions], np.float64)
@@ -110,7 +110,7 @@ def _keypoints(found: tuple[cv2.KeyPoint, ...]) -> tuple[DoubleArray, DoubleArra
 
 
 def _allowed(shape: tuple[int, ...], mask: BoolArray | None) -> BoolArray:
-    """(H, W): pixels at least ``BLOCK_PX`` away from the border and from what ``mask`` rules out."""
+    """(H, W): pixels at least ``BLOCK_PX`` away from the border and from pixels masked out."""
     allowed = np.zeros(shape, np.bool_)
     allowed[BLOCK_PX:-BLOCK_PX, BLOCK_PX:-BLOCK_PX] = True
     if mask is not None:

@@ -13,21 +13,21 @@ import numpy as np
 from motion_detect_ros.core.config import EgoMotionConfig
 from motion_detect_ros.core.types import NANOSECONDS, DoubleArray
 
-#: Squared Mahalanobis distance that 99.9 % of true six-parameter innovations stay under (chi-square, 6 degrees).
+#: Gate: squared Mahalanobis distance of 99.9 % of true six-parameter innovations (chi-square, 6 degrees).
 GATE_CHI2_6 = 22.46
-#: After this many rejected measurements in a row the motion has changed for good: start anew.
+#: After this many rejected measurements in a row the filter restarts: the motion has changed.
 MAX_REJECTED = 3
 
 
 class ParameterKalman:
-    """Smooths a0..a5 over time and rejects estimates that no camera motion explains."""
+    """Smooths a0..a5 over time and rejects estimates outside of the gate."""
 
     def __init__(self, config: EgoMotionConfig) -> None:
         self._config = config
         self.reset()
 
     def reset(self) -> None:
-        """Forget the state; the next measurement is taken as it is."""
+        """Clear the state; the next measurement initialises it."""
         self._state: DoubleArray = np.zeros(12)
         self._covariance: DoubleArray = np.zeros((12, 12))
         self._stamp_ns: int | None = None

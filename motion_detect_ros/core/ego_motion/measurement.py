@@ -1,4 +1,4 @@
-"""What every way to measure the ego-motion takes and gives."""
+"""Interface of the ego-motion methods."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from motion_detect_ros.core.ego_motion.robust_fit import MotionFit
 from motion_detect_ros.core.geometry.motion_models import theta_matrix
 from motion_detect_ros.core.types import DoubleArray, EgoStatus, FloatArray, PreparedFrame
 
-#: Measurements (corners, cells) that are needed, and that must agree, before an estimate is believed.
+#: Least number of measurements (corners, cells), and of inliers, of an estimate.
 MIN_TRACKS = 12
 MIN_INLIERS = 10
 #: Determinant of the linear part outside which a frame-to-frame warp is not a camera motion.
 DETERMINANT_RANGE = (0.5, 2.0)
-#: Deviation of any parameter from which the measurements do not determine the motion, pixels.
+#: Largest standard deviation of any parameter of a determined motion, pixels.
 MAX_SIGMA_PX = 5.0
 
 
 @dataclass(frozen=True)
 class EgoMotionMeasurement:
-    """``fit``: full-resolution pixels, None with a ``status`` that says why; ``tracks``: measurements it rests on.
+    """``fit``: full-resolution pixels, None with the reason as ``status``; ``tracks``: number of measurements.
 
-    ``earlier``, ``current``: (N, 2) where they are in the two frames, outliers included, full-resolution pixels; None
-    where the method compares no points.
+    ``earlier``, ``current``: (N, 2) their positions in the two frames, outliers included, full-resolution pixels; None
+    where the method uses no points.
     """
 
     fit: MotionFit | None
@@ -36,7 +36,7 @@ class EgoMotionMeasurement:
 
 
 class EgoMethod(Protocol):
-    """A way to measure the motion from one frame to the next."""
+    """Estimates the motion from one frame to the next."""
 
     def measure(
         self, previous: PreparedFrame, frame: PreparedFrame, prior: DoubleArray | None = None,
@@ -51,10 +51,10 @@ def centre_of(frame: PreparedFrame) -> DoubleArray:
 
 
 def is_plausible(fit: MotionFit | None, centre: DoubleArray) -> bool:
-    """Whether enough points agree, the motion is determined, and a camera can move like that."""
+    """Whether there are enough inliers, the motion is determined, and its scale is possible for a camera."""
     if fit is None or fit.inliers.sum() < MIN_INLIERS:
         return False
-    if not np.diag(fit.covariance).max() <= MAX_SIGMA_PX ** 2:  # NaN is not is_plausible
+    if not np.diag(fit.covariance).max() <= MAX_SIGMA_PX ** 2:  # NaN is not plausible
         return False
     low, high = DETERMINANT_RANGE
     return bool(low < np.linalg.det(theta_matrix(fit.theta, centre)[:2, :2]) < high)

@@ -1,4 +1,4 @@
-"""Ways to measure the ego-motion, behind one type; ``make_method`` is the registry."""
+"""Registry of the ego-motion methods."""
 
 from __future__ import annotations
 

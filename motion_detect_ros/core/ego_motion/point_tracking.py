@@ -1,4 +1,4 @@
-"""Points followed from one image into another: pyramidal Lucas-Kanade (Bouguet 2001), checked on the way back."""
+"""Point tracking: pyramidal Lucas-Kanade (Bouguet 2001), forward-backward checked."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from motion_detect_ros.core.config import EgoMotionConfig
 from motion_detect_ros.core.geometry.warp import apply, inverse
 from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
 
-#: Every such point is a scout, searched for over the whole pyramid; fewer seeds than this cannot lead the others.
+#: Every sixth point is a seed point, tracked over the whole pyramid; least number of seed points.
 SEED_STRIDE, MIN_SEEDS = 6, 20
-#: Distance up to which seeds agree on a motion, pixels: what one pyramid level still makes up for.
+#: RANSAC threshold of the seed points, pixels: what the tracker corrects without a pyramid.
 AGREEMENT_PX = 3.0
 
 
@@ -19,13 +19,13 @@ def track_points(
     previous: ByteArray, current: ByteArray, points: FloatArray, config: EgoMotionConfig,
     prior: DoubleArray | None = None,
 ) -> tuple[FloatArray, BoolArray]:
-    """(N, 2) float32 where ``points`` are in ``current``, and (N,) bool which of them are found again on the way back.
+    """(N, 2) float32 positions of ``points`` in ``current``, and (N,) bool which pass the forward-backward check.
 
     previous, current: (h, w) uint8 of the same size; points: (N, 2) float32 pixels of these images; prior: (3, 3)
-    where the search starts, previous pixel -> current pixel, None = where they were. Seed points find the common
-    motion; the search around it needs no pyramid. What is not found there, a moving object or another depth, is
-    searched for over the whole pyramid.
-    Source: Bouguet 2001; the check on the way back: Kalal et al. 2010.
+    initial guess, previous pixel -> current pixel, None = identity. Seed points give the common motion, from which
+    the others are tracked without a pyramid. Points that fail, on moving objects or at another depth, are tracked
+    over the whole pyramid.
+    Source: Bouguet 2001; forward-backward check: Kalal et al. 2010.
     """
     common = _common_motion(previous, current, points, config, prior)
     if common is None:
@@ -39,7 +39,7 @@ def track_points(
 def track_close(
     previous: ByteArray, current: ByteArray, points: FloatArray, config: EgoMotionConfig, motion: DoubleArray,
 ) -> tuple[FloatArray, BoolArray]:
-    """As ``track_points``, without pyramid, for points that move by ``motion`` but for a few pixels.
+    """As ``track_points``, without a pyramid, for points within a few pixels of ``motion``.
 
     motion: (3, 3) previous pixel -> current pixel, of the images as given.
     """
@@ -49,7 +49,7 @@ def track_close(
 def _common_motion(
     previous: ByteArray, current: ByteArray, points: FloatArray, config: EgoMotionConfig, prior: DoubleArray | None,
 ) -> DoubleArray | None:
-    """(3, 3) affine that most seeds agree on; None where there are too few of them."""
+    """(3, 3) affine that most seed points agree on; None where there are too few of them."""
     seeds = np.ascontiguousarray(points[::SEED_STRIDE])
     if len(seeds) < MIN_SEEDS:
         return None
@@ -68,7 +68,7 @@ def _both_ways(
     previous: ByteArray, current: ByteArray, points: FloatArray, config: EgoMotionConfig,
     prior: DoubleArray | None, levels: int,
 ) -> tuple[FloatArray, BoolArray]:
-    """The way back starts where the prior, not the way there, says: it has to find ``points`` by itself."""
+    """Backward tracking starts from the inverse of the prior, not from ``points``: else it confirms occluded points."""
     there, found = _one_way(
         previous, current, points, config, None if prior is None else apply(prior, points), levels)
     back, found_back = _one_way(

@@ -1,4 +1,4 @@
-"""Filters on the ego-motion's parameters over time, behind one type; ``make_smoother`` is the registry."""
+"""Interface and registry of the filters on the ego-motion's parameters."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from motion_detect_ros.core.types import DoubleArray
 
 
 class Smoother(Protocol):
-    """Makes the best of measured parameters and what earlier ones let expect."""
+    """Combines measured parameters with the prediction from earlier ones."""
 
     def reset(self) -> None:
-        """Forget the past; the next measurement is taken as it is."""
+        """Clear the state; the next measurement initialises it."""
 
     def update(
         self, params: DoubleArray, covariance: DoubleArray, stamp_ns: int, dt_s: float,
@@ -32,12 +32,12 @@ class Unsmoothed:
     """No filter."""
 
     def reset(self) -> None:
-        """Nothing to forget."""
+        """Stateless."""
 
     def update(
         self, params: DoubleArray, covariance: DoubleArray, _stamp_ns: int, _dt_s: float,
     ) -> tuple[DoubleArray, DoubleArray, bool]:
-        """What was measured."""
+        """The measurement unchanged."""
         return params, covariance, True
 
 

@@ -1,4 +1,4 @@
-"""Ego-motion: how the camera's own motion moved the background between two frames."""
+"""Ego-motion: motion of the background between two frames, caused by the camera."""
 
 from __future__ import annotations
 
@@ -40,21 +40,21 @@ class EgoMotionStage:
         self._previous: PreparedFrame | None = None
 
     def reset(self) -> None:
-        """Forget the previous frame, the filter's state, the camera's motion and the angular rates."""
+        """Clear the previous frame, the filter's state, the relative pose and the angular rates."""
         self._previous = None
         self._filter.reset()
         self._in_space.reset()
         self._gyro.reset()
 
     def add_gyro(self, stamp_ns: int, rate: DoubleArray) -> None:
-        """An angular rate, in order of time, before the first frame that is later. Without ``imu.use``: nothing.
+        """Add an angular rate, in order of time, before the first later frame. Ignored without ``imu.use``.
 
         stamp_ns: of the IMU's clock; rate: (3,) rad/s in the IMU's frame (``core.ego_motion.alternatives.imu``).
         """
         self._gyro.add(stamp_ns, rate)
 
     def process(self, frame: PreparedFrame) -> EgoMotion:
-        """Motion from the frame of the last call to ``frame``. Never raises on image content: see ``status``."""
+        """Motion from the frame of the last call to ``frame``. Image content never raises: see ``status``."""
         previous, self._previous = self._previous, frame
         status = self._continuity(previous, frame)
         if previous is None or status != EgoStatus.OK:
@@ -104,6 +104,6 @@ class EgoMotionStage:
 
 
 def no_estimate(status: EgoStatus, stamp_ns: int, prev_stamp_ns: int, tracks: int = 0) -> EgoMotion:
-    """An ``EgoMotion`` that says why there is none: identity matrix, NaN covariance."""
+    """An ``EgoMotion`` without estimate, with the reason: identity matrix, NaN covariance."""
     nothing: DoubleArray = np.full((6, 6), np.nan)
     return EgoMotion(np.eye(3), nothing, status, stamp_ns, prev_stamp_ns, tracks=tracks)

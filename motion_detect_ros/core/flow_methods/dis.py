@@ -1,4 +1,4 @@
-"""Dense inverse search (Kroeger et al. 2016), the default method, as OpenCV has it."""
+"""Dense inverse search (Kroeger et al. 2016), the default method, OpenCV's implementation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SAFE_FINEST_SCALE, SAFE_SIDE_PX = 2, 16
 
 
 class Dis:
-    """A ``FlowFunction``; what is None is as in OpenCV's preset."""
+    """A ``FlowFunction``; None keeps the value of OpenCV's preset."""
 
     def __init__(self, preset: int, finest_scale: int | None = None, refinement_iterations: int | None = None,
                  smoothness: float | None = None) -> None:

@@ -11,7 +11,7 @@ class FlowFunction(Protocol):
     """A method of dense optical flow between two pictures."""
 
     def __call__(self, current: ByteArray, reference: ByteArray, /) -> FloatArray:
-        """(h, w, 2) float32 displacement current -> reference, pixels; NaN where the method has no answer.
+        """(h, w, 2) float32 displacement current -> reference, pixels; NaN where the method gives none.
 
         current, reference: (h, w) uint8 of one size; ``reference[p + flow[p]]`` shows what ``current[p]`` shows.
         """

@@ -1,4 +1,4 @@
-"""Flow in both directions between two pictures, kept where the two agree (Sundaram et al. 2010)."""
+"""Forward and backward flow between two images, and the check of one by the other (Sundaram et al. 2010)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CONSISTENT_SHARE = 0.01
 class BackwardWorker:
     """Computes the backward flow while the caller computes the forward flow.
 
-    ``flow``: the same method once more, as most keep buffers between calls; ``pool``: one worker.
+    ``flow``: a second instance of the method, as most keep buffers between calls; ``pool``: one worker thread.
     """
 
     flow: FlowFunction
@@ -34,9 +34,9 @@ def forward_backward_flow(
 ) -> FloatArray:
     """(rows, columns, 2) displacement from ``current`` to ``reference``, NaN where forward and backward disagree.
 
-    Averaged over the cells of the grid first: most methods are no finer than that. limit_px: largest distance between
+    The check runs on flow averaged over the cells of the grid. limit_px: largest distance between
     a point and where forward and backward flow lead it, plus a share of their lengths. worker: computes the backward
-    flow at the same time, None = ``flow`` does, afterwards. The answer is the same with and without it.
+    flow at the same time, None = ``flow`` does, afterwards. The result is the same with and without it.
     """
     def one_way(method: FlowFunction, one: ByteArray, other: ByteArray) -> FloatArray:
         return np.asarray(cv2.resize(method(one, other), (columns, rows), interpolation=cv2.INTER_AREA), np.float32)
@@ -54,7 +54,7 @@ def forward_backward_flow(
 
 @numba.njit(cache=True, nogil=True)
 def _consistent(forward, returned, limit_squared):  # type: ignore[no-untyped-def]
-    """``forward`` (rows, columns, 2), NaN where ``returned``, the backward flow at its end, does not lead back."""
+    """``forward`` (rows, columns, 2), NaN where it and ``returned``, the backward flow at its end, are inconsistent."""
     checked = np.full(forward.shape, np.nan, np.float32)
     for r in range(forward.shape[0]):
         for c in range(forward.shape[1]):

@@ -24,7 +24,7 @@ def affine_params(matrix: DoubleArray) -> DoubleArray:
 
 
 def to_centre(centre: DoubleArray) -> DoubleArray:
-    """(6, 6) change of parameters: about the origin -> about ``centre``, slopes times half the diagonal: all pixels."""
+    """(6, 6) change of parameters: about the origin -> about ``centre``, slopes times half the diagonal, in pixels."""
     reach = float(np.hypot(centre[0], centre[1]))
     block = np.array([[1.0, centre[0], centre[1]], [0.0, reach, 0.0], [0.0, 0.0, reach]])
     change = np.zeros((6, 6))

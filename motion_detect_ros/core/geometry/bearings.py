@@ -1,4 +1,4 @@
-"""Where an object is seen from: unit rays in the optical frame."""
+"""Bearings of objects: unit rays in the optical frame."""
 
 from __future__ import annotations
 

@@ -16,11 +16,11 @@ import numpy as np
 from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA, reweighted, tukey_weights
 from motion_detect_ros.core.types import BoolArray, CameraModel, DoubleArray, FloatArray
 
-#: Correspondences used at most, and needed at least.
+#: Maximum and minimum number of correspondences.
 MAX_SAMPLES, MIN_SAMPLES = 1500, 60
 #: Distance to the epipolar line up to which a correspondence agrees with the motion, pixels.
 INLIER_PX = 1.0
-#: Share of agreeing correspondences from which the refined motion of the last frame is good enough as a start.
+#: Share of inliers from which the refined motion of the last frame is accepted without RANSAC.
 TRUSTED_SHARE = 0.7
 #: Re-weighting rounds, and the smallest deviation the weights assume, pixels.
 REFINE_ROUNDS, MIN_SIGMA_PX = 8, 0.15
@@ -53,7 +53,7 @@ class EpipolarLines:
     direction_z: float
 
     def position(self, points: DoubleArray) -> DoubleArray:
-        """The s of the place on each line that is closest to ``points``; negative = nowhere in front of the camera."""
+        """The s of the place on each line that is closest to ``points``; negative = behind the camera."""
         vx, vy = self.towards[..., 0], self.towards[..., 1]
         away = points - self.far
         s: DoubleArray = (away[..., 0] * vx + away[..., 1] * vy) / np.maximum(vx * vx + vy * vy, 1e-12)
@@ -70,7 +70,7 @@ class EpipolarLines:
         return s
 
     def at(self, s: DoubleArray) -> DoubleArray:
-        """(..., 2) the place itself."""
+        """(..., 2) the point on each line at ``s``."""
         place: DoubleArray = self.far + s[..., None] * self.towards
         return place
 

@@ -1,4 +1,4 @@
-"""The last few frames and the motions between them: what the scene looked like some time ago."""
+"""The last frames and the ego-motions between them, and the reference frame among them."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class ReferenceFrame:
 
 
 class FrameHistory:
-    """Keeps grey frames and ego-motions; ``baseline_s`` says how far back the reference frame lies.
+    """Keeps grey images and ego-motions; the reference frame is the one closest to ``baseline_s`` ago.
 
-    The pipeline keeps one for its stages; of separate nodes each keeps its own, and as all derive the same reference
-    from the same ``ego_motion`` messages they agree without telling each other.
+    The pipeline has one for its stages; separate nodes have one each and derive the same reference frame from the
+    same ``ego_motion`` messages.
     """
 
     def __init__(self, baseline_s: float) -> None:
@@ -34,12 +34,12 @@ class FrameHistory:
         self._frames: dict[int, ByteArray] = {}
 
     def reset(self) -> None:
-        """Forget everything."""
+        """Clear all frames."""
         self._chain.reset()
         self._frames.clear()
 
     def step(self, frame: PreparedFrame, ego: EgoMotion) -> ReferenceFrame | None:
-        """Take in a frame and the motion into it; the frame ``baseline_s`` before, None where it is not known."""
+        """Add a frame and the motion into it; returns its reference frame, None where there is none."""
         self._chain.append(ego)
         link = self._chain.nearest(self._baseline_s)
         gray = self._frames.get(link.stamp_ns) if link else None

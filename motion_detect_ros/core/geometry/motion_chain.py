@@ -1,4 +1,4 @@
-"""The last few ego-motions, chained: the motion over more than one frame."""
+"""The last ego-motions, composed: the motion over more than one frame."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class MotionChain:
         self._links: list[EgoMotion] = []
 
     def reset(self) -> None:
-        """Forget all links."""
+        """Clear all links."""
         self._links.clear()
 
     def append(self, ego: EgoMotion) -> None:
@@ -41,7 +41,7 @@ class MotionChain:
             del self._links[:-MAX_LINKS]
 
     def nearest(self, seconds: float) -> ChainedMotion | None:
-        """From the earlier frame whose distance in time is closest to ``seconds``; None where the chain is empty."""
+        """The motion from the earlier frame that is closest to ``seconds`` ago; None where the chain is empty."""
         choices = self.chained()
         if not choices:
             return None
@@ -49,7 +49,7 @@ class MotionChain:
         return min(choices, key=lambda motion: abs((newest - motion.stamp_ns) / NANOSECONDS - seconds))
 
     def chained(self) -> list[ChainedMotion]:
-        """From every earlier frame that the chain reaches, nearest first."""
+        """The motion from every earlier frame of the chain, latest frame first."""
         found, matrix = [], np.eye(3)
         for frames, link in enumerate(reversed(self._links), start=1):
             matrix = matrix @ link.matrix

@@ -7,7 +7,7 @@ image's diagonal, a = (a0, a3), A = [[a1, a2], [a4, a5]], P = (p, q):
     quadratic   x' = x + a + A X - X (P.X)      the flow of a plane (Bergen et al. 1992, equation 8: a7 = -p, a8 = -q)
 
 The others are the same with P = 0 and A restricted. ``a`` is the displacement of the centre and A / reach its
-derivative there, whatever P is: the affine part of a warp is the affine that touches it at the centre.
+derivative there, whatever P is: the affine part of a warp is its first-order approximation at the centre.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def theta_matrix(theta: DoubleArray, centre: DoubleArray) -> DoubleArray:
 
 
 def matrix_theta(matrix: DoubleArray, centre: DoubleArray) -> DoubleArray:
-    """(3, 3) previous pixel -> current pixel to (8,) theta of the homography, pixels: ``theta_matrix`` the other way.
+    """(3, 3) previous pixel -> current pixel to (8,) theta of the homography, pixels: the inverse of ``theta_matrix``.
 
     centre: (2,) of the image, pixels.
     """
@@ -123,7 +123,7 @@ def _to_normal(centre: DoubleArray) -> DoubleArray:
 
 
 def _start_translation(points: FloatArray, moved: FloatArray, threshold_px: float) -> DoubleArray | None:
-    """The median of the displacements near that of one point that most others share."""
+    """The median of the displacements within the threshold of the one that has the most of them."""
     shift = (moved - points).astype(np.float64)
     tried = shift[::max(1, len(shift) // TRANSLATION_TRIALS)]
     near = np.linalg.norm(tried[:, None] - shift[None], axis=2) < threshold_px

@@ -1,4 +1,4 @@
-"""Median and percentiles for compiled loops: numpy's own take seconds to compile."""
+"""Median and percentiles for numba kernels: NumPy's own take seconds to compile."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 @numba.njit(cache=True, nogil=True)
 def median(values):  # type: ignore[no-untyped-def]
-    """As ``numpy.median`` of ``values`` (n,), n > 0, in their type; NaN is not looked for."""
+    """As ``numpy.median`` of ``values`` (n,), n > 0, in their type; NaN is not handled."""
     ordered = values.copy()
     middle = len(ordered) // 2
     high = select(ordered, middle)
@@ -22,7 +22,7 @@ def median(values):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def percentile(values, percent):  # type: ignore[no-untyped-def]
-    """As ``numpy.percentile`` of ``values`` (n,) float32, n > 0; orders them anew."""
+    """As ``numpy.percentile`` of ``values`` (n,) float32, n > 0; reorders them."""
     rank = percent / 100.0 * (len(values) - 1)
     below = int(rank)
     low = select(values, below)
@@ -34,7 +34,7 @@ def percentile(values, percent):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def select(values, rank):  # type: ignore[no-untyped-def]
-    """The value (n,) of ``rank`` from below; no value before it is larger afterwards, none behind smaller.
+    """The ``rank``-th smallest of (n,) values; partitions them in place: none before it is larger, none after smaller.
 
     Source: Hoare 1961, algorithm 65.
     """

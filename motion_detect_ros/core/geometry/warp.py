@@ -22,7 +22,7 @@ def at_scale(matrix: DoubleArray, scale: float) -> DoubleArray:
 
 
 def stabilise(earlier: ByteArray, matrix: DoubleArray) -> ByteArray:
-    """``earlier``, (h, w) uint8, as seen from the later frame; its border pixels go on where it ends.
+    """``earlier``, (h, w) uint8, warped onto the later frame; border pixels are replicated.
 
     matrix: (3, 3) earlier pixel -> later pixel, same resolution.
     """
@@ -43,12 +43,12 @@ def grid_points(rows: int, columns: int, width: int, height: int) -> FloatArray:
 
 
 def inverse(matrix: DoubleArray) -> DoubleArray:
-    """(3, 3) the warp the other way round. Raises: numpy.linalg.LinAlgError where there is none."""
+    """(3, 3) the inverse warp. Raises: numpy.linalg.LinAlgError for a singular matrix."""
     return np.asarray(np.linalg.inv(matrix), np.float64)
 
 
 def apply(matrix: DoubleArray, points: FloatArray) -> FloatArray:
-    """(..., 2) float32 points, pixels, through a (3, 3) matrix, with the perspective division."""
+    """(..., 2) float32 points, pixels, transformed by a (3, 3) matrix, with the perspective division."""
     m = matrix.astype(np.float32)
     x, y = points[..., 0], points[..., 1]
     depth = m[2, 0] * x + m[2, 1] * y + m[2, 2]

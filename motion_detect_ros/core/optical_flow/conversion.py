@@ -1,4 +1,4 @@
-"""Total flow, as it is published, and residual flow, what it leaves once the ego-motion is taken out."""
+"""Conversion between flow of the stabilised pair, total flow (published), and residual flow without ego-motion."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from motion_detect_ros.core.types import DoubleArray, FloatArray
 
 
 def total_flow(shift: FloatArray, matrix: DoubleArray, scale: float, width: int, height: int) -> FloatArray:
-    """(rows, columns, 2) displacement reference -> current, full-resolution pixels; NaN where it came from outside.
+    """(rows, columns, 2) displacement reference -> current, full-resolution pixels; NaN where the origin is outside.
 
     shift: (rows, columns, 2) displacement from the current picture to the stabilised reference, working-resolution
     pixels; matrix: (3, 3) ego-motion, reference pixel -> current pixel; scale: working / full resolution.
@@ -21,10 +21,10 @@ def total_flow(shift: FloatArray, matrix: DoubleArray, scale: float, width: int,
 
 
 def residual_flow(flow: FloatArray, matrix: DoubleArray, width: int, height: int) -> FloatArray:
-    """What is left of a total flow when the ego-motion is taken out, in pixels of the later frame.
+    """Total flow less the ego-motion, in pixels of the later frame.
 
     flow: (gh, gw, 2) as in ``FlowField``; matrix: (3, 3) reference pixel -> current pixel.
-    Returns (gh, gw, 2): where the background would have carried the point's earlier position, to where it is.
+    Returns (gh, gw, 2): displacement from the point's earlier position warped by the ego-motion to its position now.
     """
     points = grid_points(flow.shape[0], flow.shape[1], width, height)
     residual: FloatArray = points - apply(matrix, points - flow)

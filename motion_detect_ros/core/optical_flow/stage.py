@@ -18,7 +18,7 @@ from motion_detect_ros.core.types import EgoMotion, FloatArray, FlowField, Prepa
 
 
 class OpticalFlowStage:
-    """Gives the flow from the reference frame, ``baseline_s`` seconds ago, into each new frame."""
+    """Computes the flow from the reference frame, ``baseline_s`` seconds ago, into each new frame."""
 
     def __init__(self, config: PipelineConfig) -> None:
         """Raises: BackendError where the method is not in this installation."""
@@ -29,13 +29,13 @@ class OpticalFlowStage:
         self._regions = RegionsOfInterest(self._config.full_every)
 
     def reset(self) -> None:
-        """Forget what moved last."""
+        """Clear the last flow."""
         self._regions.reset()
 
     def process(self, frame: PreparedFrame, ego: EgoMotion, reference: ReferenceFrame | None) -> FlowField:
-        """Flow from ``reference`` into ``frame``; all NaN where there is none to compare with.
+        """Flow from ``reference`` into ``frame``; all NaN without a reference.
 
-        ego: motion into ``frame``; reference: what ``FrameHistory`` gives for it.
+        ego: motion into ``frame``; reference: what ``FrameHistory`` returns for it.
         """
         flow = self._unknown(frame) if reference is None else self._between(reference, frame, ego)
         return FlowField(flow, frame.width, frame.height, frame.stamp_ns)
@@ -48,7 +48,7 @@ class OpticalFlowStage:
         return np.full((*self._grid(frame), 2), np.nan, np.float32)
 
     def _between(self, reference: ReferenceFrame, frame: PreparedFrame, ego: EgoMotion) -> FloatArray:
-        """Total displacement on the grid: flow of the stabilised pair, put back under the ego-motion."""
+        """Total displacement on the grid: flow of the stabilised pair composed with the ego-motion."""
         rows, columns = self._grid(frame)
         stabilised = stabilise(reference.gray, at_scale(reference.matrix, frame.scale))
         boxes = self._regions.boxes(frame, ego, (rows, columns))

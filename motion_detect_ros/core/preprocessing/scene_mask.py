@@ -1,4 +1,4 @@
-"""Where the picture is the scene's: regions that the user rules out, as pixels and as cells of the flow grid."""
+"""Mask of the image that shows the scene: without ignored regions, for pixels and for cells of the flow grid."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from motion_detect_ros.core.geometry.warp import at_scale, stabilise
 from motion_detect_ros.core.regions import Region
 from motion_detect_ros.core.types import BoolArray, DoubleArray
 
-#: Share of a cell that must be the scene's; the rest is rounding.
+#: Share of a cell that must show the scene; the rest is rounding.
 WHOLE = 1.0 - 1e-4
 
 
@@ -35,10 +35,10 @@ def regions_mask(
 
 
 def scene_cells(mask: BoolArray, matrix: DoubleArray, scale: float, rows: int, columns: int) -> BoolArray:
-    """(rows, columns): True for cells that are the scene's whole, in both pictures.
+    """(rows, columns): True for cells that show nothing but the scene, in both images.
 
     mask: (h, w), the same in both, as burnt-in text is; matrix: (3, 3) earlier pixel -> later pixel, full resolution;
-    scale: working / full resolution. Where text was, the earlier picture cannot tell what moved.
+    scale: working / full resolution. Where the earlier image shows text, the flow is invalid.
     """
     seen = mask & (stabilise(mask.astype(np.uint8), at_scale(matrix, scale)) > 0)
     share = cv2.resize(seen.astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA)

@@ -1,4 +1,4 @@
-"""From a camera image to the grey, denoised, working-resolution frame that every stage looks at."""
+"""From a camera image to the grey, denoised, working-resolution frame that every stage uses."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from motion_detect_ros.core.preprocessing.scene_mask import regions_mask
 from motion_detect_ros.core.regions import Region, parse_regions
 from motion_detect_ros.core.types import BoolArray, ByteArray, PreparedFrame
 
-#: Smallest side of a working-resolution image that the flow pyramid can still handle, pixels.
+#: Smallest side of a working-resolution image that the flow pyramid can handle, pixels.
 MIN_SIDE_PX = 32
 
 
 class Preprocessor:
-    """Turns images into ``PreparedFrame``; remembers nothing of them unless ``find_overlay`` is on."""
+    """Turns images into ``PreparedFrame``; stateless unless ``find_overlay`` is on."""
 
     def __init__(self, config: PreprocessingConfig) -> None:
         self._config = config
@@ -29,11 +29,11 @@ class Preprocessor:
         self._overlay = OverlayFinder()
 
     def reset(self) -> None:
-        """Forget the overlays found so far."""
+        """Clear the overlays detected so far."""
         self._overlay.reset()
 
     def process(self, image: npt.NDArray[np.uint8], stamp_ns: int) -> PreparedFrame:
-        """Grey, shrunk to ``max_width_px``, denoised, with the mask of what is the scene's.
+        """Grey, shrunk to ``max_width_px``, denoised, with the mask of pixels that show the scene.
 
         image: (H, W) grey or (H, W, 3) BGR, uint8.
         Raises: FrameError for another shape or type, a side too small to work on, or an ignored region that is not on
@@ -56,7 +56,7 @@ class Preprocessor:
         return PreparedFrame(gray, scale, width, height, stamp_ns, self._mask(gray, width, height, stamp_ns))
 
     def _mask(self, gray: ByteArray, width: int, height: int, stamp_ns: int) -> BoolArray | None:
-        """(h, w), False where regions are ignored or an overlay was found; None = nowhere."""
+        """(h, w), False in ignored regions and detected overlays; None without any."""
         if (width, height) not in self._ignored:
             top = (Region(0, 0, width, self._config.ignore_top_px),) if self._config.ignore_top_px else ()
             self._ignored = {(width, height): regions_mask(top + self._regions, width, height, gray.shape)}
@@ -69,7 +69,7 @@ class Preprocessor:
 
 
 def mean_shift(gray: ByteArray, radius_px: int, band_gray: float) -> ByteArray:
-    """Every pixel at the mode of position and grey value that it climbs to: flat regions without noise, edges kept.
+    """Mean-shift filtered: every pixel takes the grey value of its mode; smooths regions and keeps edges.
 
     gray: (H, W) uint8; radius_px, band_gray: half the sides of the kernel in the image and in grey levels.
     Source: Comaniciu and Meer 2002, on two levels of a pyramid.
@@ -93,6 +93,6 @@ def _checked_size(image: npt.NDArray[np.uint8]) -> tuple[int, int]:
 
 
 def _own_bytes(gray: npt.NDArray[np.generic], image: npt.NDArray[np.uint8]) -> ByteArray:
-    """Contiguous, and not the memory of ``image``: later frames look back, the caller may fill it anew."""
+    """Contiguous, and not sharing memory with ``image``: the caller may reuse its buffer while the frame is kept."""
     made = np.ascontiguousarray(gray, dtype=np.uint8)
     return made.copy() if np.may_share_memory(made, image) else made

@@ -1,4 +1,4 @@
-"""When the camera and an object meet."""
+"""Time to contact of camera and object."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ import math
 
 from motion_detect_ros.core.detection.candidate import Growth
 
-#: Measurements before anything is said, and deviations from zero that count as an approach or a retreat.
+#: Least number of measurements, and deviations from zero from which the rate is significant.
 MIN_GROWTHS, SIGNIFICANT = 4, 2.5
-#: Deviation of the logarithm of the size before it is known.
+#: Initial deviation of the logarithm of the size.
 UNKNOWN_SIZE = 100.0
-#: Deviation of the rate before anything is measured, 1/s; of what accelerations change it by, 1/s per square root of s.
+#: Initial deviation of the rate, 1/s; its process noise by accelerations, 1/s per square root of s.
 FIRST_RATE, RATE_DRIFT = 0.7, 0.03
 #: Deviation of the logarithm of the box's size: from frame to frame, and what turning adds, per square root of s.
 SIZE_NOISE, SIZE_DRIFT = 0.06, 0.03
-#: Memory of the measured noise of the rates, weight of the assumed one, its smallest share.
+#: Weight kept per update of the measured noise of the rates, weight of the assumed one, least scale.
 KEPT_NOISE, ASSUMED_WEIGHT, MIN_NOISE = 0.9, 5.0, 0.25
-#: A rate further than so many deviations from what was expected counts as that much noisier.
+#: Innovations over so many deviations increase the variance of the measurement accordingly.
 GATE = 2.5
-#: For so long the errors of the flow stay the same, seconds.
+#: Correlation time of the errors of the flow, seconds.
 SAME_S = 0.3
-#: No step goes further than this share of the way to contact.
+#: Largest prediction step, share of the time to contact.
 MAX_STEP = 0.5
 
 
@@ -40,13 +40,13 @@ class Approach:
 
     @property
     def time_to_contact_s(self) -> float:
-        """Distance over closing speed; +inf where it surely grows; NaN where neither is sure."""
+        """Distance over closing speed; +inf where the object recedes; NaN where the rate is not significant."""
         if self._growths < MIN_GROWTHS or abs(self._rate) < SIGNIFICANT * math.sqrt(self._var_rate):
             return math.nan
         return 1.0 / self._rate if self._rate > 0.0 else math.inf
 
     def predict(self, dt_s: float) -> None:
-        """Go on at the same speed for ``dt_s``."""
+        """Predict over ``dt_s`` seconds at constant speed."""
         left = 1.0 - min(MAX_STEP, max(-MAX_STEP, self._rate * dt_s))
         self._log_size, self._rate = self._log_size - math.log(left), self._rate / left
         a, b = dt_s / left, 1.0 / left ** 2  # [[1, a], [0, b]]: how errors go on
@@ -56,7 +56,7 @@ class Approach:
         self._since_s += dt_s
 
     def update(self, growth: Growth | None) -> None:
-        """Correct with what one frame shows, None = nothing."""
+        """Correct with the measurement of one frame, None = none."""
         if growth is None:
             return
         if math.isfinite(growth.log_size):
@@ -69,7 +69,7 @@ class Approach:
         self._since_s = 0.0
 
     def _believed(self, growth: Growth) -> float:
-        """Variance of a measured rate, by its own account and by how it fitted so far."""
+        """Variance of a measured rate, scaled by the innovations so far."""
         square = (growth.rate - self._rate) ** 2
         expected = growth.variance + self._var_rate
         kept = KEPT_NOISE * self._noise_weight
@@ -79,7 +79,7 @@ class Approach:
         return variance * max(1.0, square / (GATE ** 2 * (variance + self._var_rate)))
 
     def _correct(self, off: float, weight: float, with_size: float, with_rate: float) -> None:
-        """One measurement that is ``off``, of variance 1 / ``weight`` and such covariances with size and rate."""
+        """Kalman update with innovation ``off``, its variance 1 / ``weight``, its covariances with size and rate."""
         self._log_size += weight * with_size * off
         self._rate += weight * with_rate * off
         self._var_size -= weight * with_size ** 2

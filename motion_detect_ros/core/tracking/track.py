@@ -1,4 +1,4 @@
-"""One object's filter: where it is, how it moves over the ground, and how well that is known."""
+"""One track: Kalman filter of position and velocity against the background, log odds, coasting."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from motion_detect_ros.core.types import DoubleArray
 CENTRE_SHARE = 0.12
 ACCELERATION_SHARE = 2.0
 MIN_CENTRE_PX = 1.0
-#: Memory of the log odds, seconds; log odds of a miss; where they saturate; and the frame period, seconds, whose log
-#: odds count once: a longer frame counts for more, so that what is summed up does not depend on the frame rate.
+#: Time constant of the log odds, seconds; log odds of a miss; their maximum; and the frame period of weight 1, seconds:
+#: longer periods have a larger weight, so that the sum does not depend on the frame rate.
 LOG_ODDS_MEMORY_S = 0.18
 MISS_LOG_ODDS = -1.0
 MAX_LOG_ODDS = 10.0
@@ -26,14 +26,14 @@ PERIOD_S = 0.04
 SIZE_GAIN = 0.4
 #: How fast an object that is recognised by its appearance, but shows no motion, comes to rest, seconds.
 REST_S = 0.08
-#: Memory of the measured spread of the innovations, the weight of the assumed spread, and its smallest share.
+#: Weight kept per update of the measured spread of the innovations, weight of the assumed spread, and least scale.
 KEPT_SPREAD, PRIOR_UPDATES, MIN_SPREAD = 0.9, 5.0, 0.25
-#: Memory of the mean velocity innovation, and what its square adds to the variance.
+#: Weight kept per update of the mean velocity innovation, and weight of its square in the variance.
 KEPT_LAG, LAG_WEIGHT = 0.6, 1.25
 
 
 class Spread:
-    """How far the filter's velocity really scatters, measured on its innovations.
+    """Variance of the filter's velocity, corrected by its innovations.
 
     The filter's own covariance is as good as the noise it assumes. Two measured figures correct it: the mean normalised
     innovation squared (Bar-Shalom et al. 2001, section 5.4), which scales it, and the mean velocity innovation, which
@@ -155,8 +155,8 @@ class Track:
         self.gate_inflation_px = 0.0
 
     def coast_missed(self, dt_s: float) -> None:
-        """Nothing was found where the object should be."""
-        once_at_most = min(1.0, 1.0 / _weight(dt_s))  # it is one look, however long the frame's period
+        """A frame without a detection of the object."""
+        once_at_most = min(1.0, 1.0 / _weight(dt_s))  # it is one observation, however long the frame's period
         self._add_log_odds(once_at_most * MISS_LOG_ODDS, dt_s)
         self._coast(dt_s)
 
@@ -176,7 +176,7 @@ class Track:
         self.gate_inflation_px = 0.0
 
     def coast_unobserved(self, dt_s: float) -> None:
-        """Nothing could be looked for: no evidence either way, but what there is gets older."""
+        """A frame in which detection was impossible: the log odds decay, nothing is added."""
         self._add_log_odds(0.0, dt_s)
         self._coast(dt_s)
 

@@ -1,4 +1,4 @@
-"""Objects over time: ids, velocity without the camera's motion, confirmation.
+"""Tracking: ids, velocity against the background, confirmation.
 
 Positions are predicted through the ego-motion, so a constant-velocity Kalman filter sees only the object's own
 motion however the camera shakes.
@@ -18,15 +18,15 @@ from motion_detect_ros.core.tracking.detected_time import TIME_TOLERANCE_S
 from motion_detect_ros.core.tracking.track import Track
 from motion_detect_ros.core.types import ByteArray, DoubleArray, RecordArray, empty_detections
 
-#: Cost that forbids a pairing.
+#: Cost of a pair outside of the gate.
 FORBIDDEN = 1e6
-#: How fast a camera may move the picture at any time, image widths per second, one deviation.
+#: Least deviation of the unknown motion of the image, image widths per second.
 CAMERA_WIDTHS_PER_S = 0.25
-#: Memory of the camera's speed, seconds.
+#: Time constant of the camera's speed, seconds.
 CAMERA_SPEED_MEMORY_S = 0.4
-#: Deviations of the position of a track that has gone astray within which it is looked for.
+#: Gate inflation of a track predicted without ego-motion, deviations of its position.
 GATE_INFLATION_DEVIATIONS = 2.0
-#: A box is that of the whole object where centre and size are so close to the track's.
+#: Largest differences of centre and size to the track's at which a box shows the whole object.
 SETTLED_SHARE, SETTLED_PX, SETTLED_LOG_SIZE = 0.1, 1.0, 0.25
 
 
@@ -42,7 +42,7 @@ class Tracker:
         self._learn = APPEARANCE_MODELS.get(config.appearance) if config.appearance_hold_s > 0.0 else None
 
     def reset(self) -> None:
-        """Forget all tracks; ids go on counting."""
+        """Clear all tracks; ids go on counting."""
         self._tracks.clear()
         self._camera_px_s = 0.0
 
@@ -53,7 +53,7 @@ class Tracker:
         """One frame of ``width`` x ``height`` pixels: predict, assign, update.
 
         matrix: (3, 3) previous pixel -> current pixel; dt_s: time between them, seconds; gray: (h, w) uint8, the frame
-        at working resolution, in which objects that stop are looked for. Returns the confirmed objects
+        at working resolution, for the appearance models. Returns the confirmed objects
         (``DETECTION_DTYPE``), boxes cut to the image; a track whose centre has left the image is over.
         """
         self._predict(matrix, dt_s, width, height)
@@ -77,7 +77,7 @@ class Tracker:
         return self._report(width, height)
 
     def coast(self, matrix: DoubleArray | None, dt_s: float, width: int, height: int) -> None:
-        """A frame in which no objects could be looked for; tracks move on, and end as if they were missed.
+        """A frame in which detection was impossible: tracks are predicted, and end as if they were missed.
 
         matrix: as in ``step``, None where the camera's motion is not known.
         """
@@ -92,13 +92,13 @@ class Tracker:
         self._drop_ended(width, height)
 
     def coast_without_frame(self, dt_s: float, width: int) -> None:
-        """Time passes without a frame: tracks go on at their velocity, the camera may have gone anywhere near."""
+        """Predict over a missing frame: constant velocity, unknown camera motion."""
         camera_px = max(self._camera_px_s, CAMERA_WIDTHS_PER_S * width) * dt_s
         for track in self._tracks:
             track.predict_without_ego_motion(camera_px, dt_s)
 
     def _remember(self, track: Track, gray: ByteArray | None, width: int) -> None:
-        """Learn an object's looks while its box is that of the whole object."""
+        """Learn an object's appearance while its box shows the whole object."""
         if self._learn is None or gray is None or not track.id:
             return
         off = np.abs(track.seen.centre - track.state[:2]) - SETTLED_SHARE * track.size
@@ -108,12 +108,12 @@ class Tracker:
             track.appearance = learnt or track.appearance
 
     def _recognise(self, track: Track, gray: ByteArray | None, dt_s: float, width: int) -> bool:
-        """Whether a confirmed track without a detection was recognised by its looks."""
+        """Whether a confirmed track without a detection was recognised by its appearance."""
         if gray is None or track.appearance is None or track.recognised_s + dt_s > self._config.appearance_hold_s:
             return False
         if any(other is not track and other.id and not other.coasted_s and not other.recognised_s
                and (np.abs(other.state[:2] - track.state[:2]) < 0.5 * other.size).all() for other in self._tracks):
-            return False  # another track has found what is there
+            return False  # another track has been detected there
         scale = gray.shape[1] / width
         found = track.appearance.find(gray, track.state[:2] * scale, track.size * scale)
         if found is None:

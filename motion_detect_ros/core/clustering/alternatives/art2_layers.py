@@ -16,8 +16,8 @@ Ten stages, one function each. F1 has six sublayers for an input s, with J the F
 Differences from the book, each for motion vectors: f is odd, so that negative components live; bottom-up weights start
 as the top-down ones do (0, the safest value of Fausett's bound) and follow the same law, so one matrix holds both; a
 new neuron learns at once (fast commitment, slow recoding: Carpenter, Grossberg and Rosen 1991), as |r| hardly falls
-for a template near 0 and the vigilance would not act; the normalisation says nothing about length, so neuron 0 takes
-what is not longer than the noise.
+for a template near 0 and the vigilance would not act; normalisation drops the length, so neuron 0 wins the vectors
+that are not longer than the noise.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Autoregressive smoothing of the ego-motion's parameters: for cameras that shake in a rhythm.
+"""Autoregressive smoothing of the ego-motion's parameters: for cameras that shake periodically.
 
 Each parameter's rate r (per second, about the image centre, pixels) is predicted from its last p measurements,
 r_k = w1 r_(k-1) + .. + wp r_(k-p), p = ``ar_order``. The weights follow by recursive least squares with exponential
 forgetting over ``ar_forgetting_s`` (Haykin 2002, chapter 9), from the last value alone as start. The prediction
-and the measurement are averaged by their covariances; that of the prediction is measured on how well the last ones did.
-Frames must come evenly: another frame rate starts anew.
+and the measurement are averaged by their covariances; that of the prediction is measured on its last errors.
+Frames must be equidistant: another frame rate restarts the filter.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from motion_detect_ros.core.ego_motion.kalman import GATE_CHI2_6, MAX_REJECTED
 from motion_detect_ros.core.forgetting import kept
 from motion_detect_ros.core.types import DoubleArray
 
-#: Variance of a weight that nothing is known of.
+#: Initial variance of a weight.
 WEIGHT_VARIANCE = 1.0
-#: Share of the measurement's variance that the prediction's never falls under.
+#: Least variance of the prediction, share of the measurement's.
 MIN_SHARE = 0.05
 #: Share that the guess of the error, an acceleration of the process noise, keeps from frame to frame, and its least.
 GUESS_KEPT, MIN_GUESS = 0.8, 1e-6
-#: Change of the frame period from which the weights do not apply any more.
+#: Ratio of frame periods from which the filter restarts.
 MAX_PERIOD_RATIO = 1.5
 
 
 class ParameterAutoregression:
-    """Smooths a0..a5 over time and rejects estimates that the camera's habit does not explain."""
+    """Smooths a0..a5 over time and rejects estimates outside of the gate."""
 
     _period_s: float
 
@@ -38,7 +38,7 @@ class ParameterAutoregression:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the past; the next measurement is taken as it is."""
+        """Clear the state; the next measurement is passed on unchanged."""
         self._start(np.empty((0, 6)), 0.0)
 
     def forecast(self, dt_s: float) -> DoubleArray | None:
@@ -88,7 +88,7 @@ class ParameterAutoregression:
     def _rejected_update(
         self, params: DoubleArray, expected: DoubleArray, covariance: DoubleArray, dt_s: float,
     ) -> tuple[DoubleArray, DoubleArray, bool]:
-        """The forecast stands for the measurement; after too many of them everything starts anew."""
+        """The forecast replaces the measurement; after too many of them the filter restarts."""
         self._rejected += 1
         if self._rejected < MAX_REJECTED:
             self._remember(expected / dt_s)
@@ -103,7 +103,7 @@ class ParameterAutoregression:
         return squared
 
     def _forecast_covariance(self, covariance: DoubleArray, dt_s: float) -> DoubleArray:
-        """(6, 6) of ``forecast``: what the squared innovations have beyond the measurements' own variance."""
+        """(6, 6) of ``forecast``: squared innovations less the measurements' own variance."""
         own = self._squared_error(dt_s) - self._noise / max(self._count, 1.0)
         return np.diag(np.maximum(own * dt_s ** 2, MIN_SHARE * np.diag(covariance)))
 

@@ -28,14 +28,14 @@ MAX_LEVELS, DETAIL_LEVELS = 10, 3
 MIN_PIXELS = 300
 #: Steps for each family on the coarsest level, on the others, and on the finest.
 COARSEST_ROUNDS, ROUNDS, FINEST_ROUNDS = 15, 10, 6
-#: Correlation of the grey values under the warp, from which it explains the image.
+#: Least correlation of the grey values under the warp.
 MIN_CORRELATION = 0.5
 #: From level to level of the pyramid: every other pixel, starting with the first.
 HALF = np.diag([0.5, 0.5, 1.0])
 
 
 class DirectMethod:
-    """Registers the frames over a pyramid; on its top the families in turn, from translation up to the wanted one."""
+    """Registers the frames over a pyramid; at its top the families in turn, from translation to the configured one."""
 
     def __init__(self, config: EgoMotionConfig) -> None:
         self._family = model_family(config.model)

@@ -18,18 +18,18 @@ from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, EgoS
 CELL_PX = 16
 #: Finest level of the flow's pyramid.
 FINEST_SCALE = 2
-#: Smallest eigenvalue of the structure tensor (``cv2.cornerMinEigenVal``) under which the flow is a guess.
+#: Smallest eigenvalue of the structure tensor (``cv2.cornerMinEigenVal``) under which the flow is not determined.
 MIN_TEXTURE = 1e-5
 #: Change of the linear part from which the flow is measured once more on the warped pair.
 DEFORMED = 0.02
 #: Share of a cell that must be visible.
 WHOLE = 0.999
-#: Share of the textured cells whose flow must return, else the frames show different things.
+#: Share of the textured cells that must pass the forward-backward check, else the frames show different scenes.
 MIN_RETURNED = 0.3
 
 
 class FlowMethod:
-    """Dense inverse search between the frames as they are, checked both ways, and a robust fit to its grid."""
+    """Dense inverse search between the frames, forward-backward checked, and a robust fit on a grid."""
 
     def __init__(self, config: EgoMotionConfig) -> None:
         self._config = config
@@ -83,7 +83,7 @@ def _textured(gray: ByteArray, rows: int, columns: int) -> BoolArray:
 
 
 def _seen(mask: BoolArray | None, shape: tuple[int, ...], matrix: DoubleArray, rows: int, columns: int) -> BoolArray:
-    """(rows, columns): cells of the warped earlier frame that are the scene's and were on the earlier image, whole."""
+    """(rows, columns): cells of the warped earlier frame that lie within the earlier image and its mask."""
     scene = np.ones(shape, np.uint8) if mask is None else mask.astype(np.uint8)
     warped = cv2.warpPerspective(scene, matrix, (shape[1], shape[0]), flags=cv2.INTER_NEAREST)
     seen: BoolArray = cv2.resize(warped.astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA) > WHOLE

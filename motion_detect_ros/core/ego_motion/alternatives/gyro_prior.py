@@ -1,4 +1,4 @@
-"""What the gyroscope says about the ego-motion: where to look first, and the answer where the picture gives none."""
+"""Ego-motion prior from the gyroscope, and the estimate where the image gives none."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ STEP_RAD = 1e-5
 class Prior:
     """``matrix``: (3, 3) homography of the rotation, previous pixel -> current pixel, full resolution.
 
-    ``covariance``: (6, 6) of its affine part a0..a5, from the gyroscope's noise alone: how near things are to a camera
-    that travels it does not say.
+    ``covariance``: (6, 6) of its affine part a0..a5, from the gyroscope's noise alone: it does not
+    contain the parallax of a camera that travels.
     """
 
     matrix: DoubleArray
@@ -43,25 +43,25 @@ class Prior:
 
 
 class GyroPrior:
-    """Collects angular rates and makes a ``Prior`` of them for each pair of frames."""
+    """Collects angular rates and integrates them to a ``Prior`` for each pair of frames."""
 
     def __init__(self, config: ImuConfig) -> None:
         self._config = config
         self._buffer = GyroBuffer(config)
 
     def reset(self) -> None:
-        """Forget all samples."""
+        """Clear all samples."""
         self._buffer.reset()
 
     def add(self, stamp_ns: int, rate: DoubleArray) -> None:
-        """As ``GyroBuffer.add``; nothing happens unless ``imu.use``."""
+        """As ``GyroBuffer.add``; ignored unless ``imu.use``."""
         if self._config.use:
             self._buffer.add(stamp_ns, rate)
 
     def between(
         self, previous: PreparedFrame, frame: PreparedFrame, camera: CameraModel | None,
     ) -> Prior | None:
-        """None without calibration or samples, or where the views have too little in common."""
+        """None without calibration or samples, or where the views hardly overlap."""
         if not self._config.use or camera is None:
             return None
         rotation = self._buffer.rotation(previous.stamp_ns, frame.stamp_ns)

@@ -20,7 +20,7 @@ from motion_detect_ros.core.types import NANOSECONDS, CameraModel, DoubleArray
 
 #: Samples kept at most: 20 s at 1000 Hz.
 CAPACITY = 20_000
-#: Depth after the turn of a point that had depth 1, under which it counts as out of sight.
+#: Depth after the rotation of a point that had depth 1, under which it is out of view.
 MIN_DEPTH = 0.1
 
 
@@ -34,14 +34,14 @@ class GyroBuffer:
         self._samples: deque[tuple[int, DoubleArray]] = deque(maxlen=CAPACITY)
 
     def reset(self) -> None:
-        """Forget all samples."""
+        """Clear all samples."""
         self._samples.clear()
 
     def add(self, stamp_ns: int, rate: DoubleArray) -> None:
         """One sample. stamp_ns: of the IMU's clock; rate: (3,) rad/s in the IMU's frame.
 
-        A sample that is not finite is left out; one as late as the last is left out, too, one that is earlier
-        begins a new recording.
+        Samples that are not finite or have the stamp of the last one are ignored; an earlier stamp clears the
+        buffer (a new recording).
         """
         measured = np.asarray(rate, np.float64)
         if measured.shape != (3,) or not np.isfinite(measured).all():
@@ -56,7 +56,7 @@ class GyroBuffer:
     def rotation(self, from_ns: int, to_ns: int) -> DoubleArray | None:
         """(3, 3) R that takes directions in the optical frame of time ``from_ns`` to that of ``to_ns``.
 
-        None where the samples leave a gap over ``max_gap_s``. Samples long before ``from_ns`` are forgotten.
+        None where the samples leave a gap over ``max_gap_s``. Samples long before ``from_ns`` are removed.
         Rates are linear between samples and constant beyond the last; each piece turns by its mean rate.
         """
         self._forget_before(from_ns - self._max_gap_ns)

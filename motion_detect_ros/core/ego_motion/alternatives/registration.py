@@ -1,4 +1,4 @@
-"""Direct registration: the warp under which one image looks like another, without features.
+"""Direct registration: the warp with the least grey-value error between two images, without features.
 
 Inverse compositional Lucas-Kanade (Baker and Matthews 2004, section 3.2) with Tukey weights and, as the camera's
 exposure may change, a gain and an offset of the grey values (Bartoli 2008). All in pixels of the two images.
@@ -32,13 +32,13 @@ MAX_PIXELS = 8_000
 MIN_GRADIENT = 2.0
 #: Distance of used pixels from the border.
 BORDER_PX = 2
-#: Noise of the grey values that no image gets under.
+#: Least noise of the grey values.
 MIN_SIGMA_GRAY = 0.5
 #: A step that moves no corner farther than this ends the search, pixels.
 CONVERGED_PX = 0.003
 #: Condition of the normal equations from which the pixels do not determine the warp.
 MAX_CONDITION = 1e8
-#: Gain and offset of the grey values where the light stays.
+#: Gain and offset of the grey values under constant exposure.
 NO_CHANGE = np.array([1.0, 0.0])
 #: Share of the pixels that must lie on the other image.
 MIN_OVERLAP = 0.3
@@ -46,7 +46,7 @@ MIN_OVERLAP = 0.3
 
 @dataclass(frozen=True)
 class Template:
-    """The pixels of the earlier image that are looked for.
+    """The pixels of the earlier image that are registered.
 
     ``points``: (N, 2) pixels, ``values``: (N,) grey, ``gradients``: (N, 2) grey per pixel; ``centre``: (2,) of the
     image.

@@ -1,12 +1,12 @@
-"""The camera's motion in space, from the tracks of one pair of frames: rotation, direction, epipole and ground.
+"""Relative pose of the camera from the tracks of one pair of frames: rotation, direction, epipole and ground.
 
-A turn alone moves points whatever their depth; the direction of travel shows only in what a turn leaves over, the
-parallax. Where that is not clearly more than the tracks' noise there is no answer.
+A rotation moves points independently of their depth; the direction of travel is observable only in the parallax that
+is left. Where the parallax does not clearly exceed the tracks' noise there is no estimate.
 
-Plane: seen from a drone the ground often is the whole picture. A narrow view of it under sideways travel looks like a
-turn. With more perspective two motions explain every track equally well, the plane's normal and the direction of travel
-swapped (Longuet-Higgins 1986); they are weighed against each other on all tracks, and only where things off the plane
-(a fifth of the tracks in the tests) decide between them there is an answer. So flat ground alone gives none.
+Plane: from a drone the ground often fills the image. In a narrow view sideways travel over it looks like a rotation.
+With more perspective two motions explain every track equally well, with the plane's normal and the direction of travel
+exchanged (Longuet-Higgins 1986). Both are compared on all tracks, and there is an estimate only where points off the
+plane (a fifth of the tracks in the tests) decide between them. So flat ground alone gives none.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ from motion_detect_ros.core.geometry.ground_plane import ground_below
 from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA, reweighted, tukey_weights
 from motion_detect_ros.core.types import CameraModel, DoubleArray, FloatArray, RelativePose
 
-#: Share of the tracks that must lie on their epipolar lines: else there is no common motion.
+#: Least share of the tracks on their epipolar lines: else there is no common motion.
 MIN_INLIER_SHARE = 0.5
-#: Length from which what a turn leaves of a track is parallax, deviations of its noise; smallest deviation, pixels.
+#: Least residual of the rotation that is parallax, deviations of its noise; smallest deviation, pixels.
 PARALLAX_SIGMAS, MIN_SIGMA_PX = 4.0, 0.1
-#: Share of the tracks that must show parallax; one or two movers before a camera that only turns stay below it.
+#: Least share of the tracks with parallax; one or two movers before a rotating camera stay below it.
 MIN_PARALLAX_SHARE = 0.3
-#: Distance from the epipolar line from which a track is off by more makes no motion worse, pixels.
+#: Distances from the epipolar line are truncated here in the comparison of motions, pixels.
 CLEARLY_OFF_PX = 0.5
-#: Up to this multiple of the best mean distance, and this much more in pixels, a motion fits as well as the best ...
+#: A motion fits as well as the best up to this multiple of its mean distance, and this much more in pixels ...
 RIVAL_SHARE, RIVAL_PX = 1.1, 0.005
-#: ... and goes elsewhere where the cosine between the directions is under this (10 degrees).
+#: ... and is a different one where the cosine between the directions is under this (10 degrees).
 SAME_DIRECTION = 0.985
 #: Re-weighting rounds of the rotation alone.
 ROUNDS = 7
 
 
 class RelativePoseEstimator:
-    """Remembers the motion of the last frame: it is where the next search starts."""
+    """Estimates the relative pose; keeps that of the last frame as the initial guess."""
 
     def __init__(self, focal_share: float) -> None:
         """focal_share: focal length where no calibration is known, share of the image width."""
@@ -52,7 +52,7 @@ class RelativePoseEstimator:
         self._last: PoseEstimate | None = None
 
     def reset(self) -> None:
-        """Forget the last frame's motion."""
+        """Clear the last frame's motion."""
         self._last = None
 
     def estimate(
@@ -83,17 +83,17 @@ class RelativePoseEstimator:
 
 
 def _shows_parallax(left: DoubleArray, sigma: float) -> bool:
-    """left: (N,) what the turn leaves of each track; sigma: its noise, one deviation."""
+    """left: (N,) residual of the rotation for each track; sigma: its noise, one deviation."""
     return float((left > PARALLAX_SIGMAS * sigma).mean()) >= MIN_PARALLAX_SHARE
 
 
 def _only_motion(
     q: DoubleArray, p: DoubleArray, focal_px: float, last: PoseEstimate | None,
 ) -> PoseEstimate | None:
-    """The motion that fits best; None where one that goes elsewhere fits as well.
+    """The motion that fits best; None where one in another direction fits as well.
 
-    Where the camera travels slowly, RANSAC's inliers are nearly all tracks under many a motion: those that the
-    dominant plane allows are tried too.
+    Under slow travel nearly all tracks are RANSAC inliers of many motions, so those that the dominant plane allows
+    are compared too.
     """
     found = estimate_pose(q, p, np.ones(len(q), bool), focal_px, last)
     if found is None:
@@ -110,7 +110,7 @@ def _only_motion(
 
 
 def _through_a_plane(q: DoubleArray, p: DoubleArray, focal_px: float) -> list[PoseEstimate]:
-    """The motions, two at most, under which the dominant plane of the tracks moves as it does (Malis, Vargas 2007)."""
+    """The motions, two at most, that agree with the homography of the dominant plane (Malis and Vargas 2007)."""
     homography, _ = cv2.findHomography(q, p, cv2.RANSAC, INLIER_PX / focal_px)
     if homography is None:
         return []
@@ -161,7 +161,7 @@ def _unit_rays(points: DoubleArray) -> DoubleArray:
 
 
 def _rotation_residual(rotation: DoubleArray, q: DoubleArray, p: DoubleArray) -> DoubleArray:
-    """(N, 2) what a rotation leaves of the tracks, normalised."""
+    """(N, 2) residual of a rotation, normalised."""
     turned = q @ rotation[:, :2].T + rotation[:, 2]
     left: DoubleArray = p - turned[:, :2] / turned[:, 2:]
     return left

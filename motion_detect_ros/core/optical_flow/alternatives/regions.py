@@ -1,4 +1,4 @@
-"""Flow where something moves only: the regions around moving cells, and any flow method confined to them."""
+"""Regions of interest around moving cells, and any flow method confined to them."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, EgoM
 
 #: A cell moves that differs from the median of the field by so many deviations, and pixels at least.
 MOVING_SIGMA, MIN_MOVING_PX = 4.0, 1.0
-#: Pixels kept around moving cells, and computed around what is kept: methods are worst at the border of a picture.
+#: Margin around moving cells, and context computed around it: methods are worst at the border of an image, pixels.
 AROUND_PX, CONTEXT_PX = 32, 16
 
 Boxes = npt.NDArray[np.int64]
 
 
 class RegionsOfInterest:
-    """Says where flow is to be computed: everywhere in every ``full_every``-th frame, else around what moved last."""
+    """Where flow is computed: everywhere in every ``full_every``-th frame, else around what moved last."""
 
     def __init__(self, full_every: int) -> None:
         self._full_every = full_every
         self.reset()
 
     def reset(self) -> None:
-        """Forget the last flow: the next frame is computed whole."""
+        """Clear the last flow: the next frame is computed in full."""
         self._last: FloatArray | None = None
         self._stamp_ns = self._since_full = 0
 
@@ -76,11 +76,11 @@ def flow_in_regions(flow: FlowFunction, boxes: Boxes, current: ByteArray, refere
 
 
 def carried_flow(shift: FloatArray, matrix: DoubleArray, width: int, height: int) -> FloatArray:
-    """(rows, columns, 2) the displacements of the previous picture as the current one sees them.
+    """(rows, columns, 2) the displacements of the previous image, warped into the current one.
 
     shift: (rows, columns, 2) displacement on a grid over the previous picture, pixels, NaN = unknown; matrix: (3, 3)
-    previous pixel -> current pixel; width, height: of both pictures. What is unknown, or was outside, is zero: between
-    stabilised pictures the ground stands still.
+    previous pixel -> current pixel; width, height: of both pictures. Unknown cells and those from outside are zero, the
+    displacement of the ground between stabilised images.
     """
     rows, columns = shift.shape[:2]
     points = grid_points(rows, columns, width, height)
@@ -93,9 +93,9 @@ def carried_flow(shift: FloatArray, matrix: DoubleArray, width: int, height: int
 
 
 def moving_cells(shift: FloatArray) -> BoolArray:
-    """(rows, columns) cells whose displacement between stabilised pictures is not that of most.
+    """(rows, columns) cells whose displacement between stabilised images differs from the median.
 
-    shift: (rows, columns, 2) float32 pixels, NaN = unknown, which does not move.
+    shift: (rows, columns, 2) float32 pixels, NaN = unknown, not moving.
     """
     error = shift - np.nanmedian(shift, axis=(0, 1)) if np.isfinite(shift).any() else shift
     length = np.hypot(error[..., 0], error[..., 1])

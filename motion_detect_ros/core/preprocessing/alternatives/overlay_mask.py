@@ -7,9 +7,9 @@ import numpy as np
 
 from motion_detect_ros.core.types import NANOSECONDS, BoolArray, ByteArray, FloatArray
 
-#: How long a pixel must have stayed the same under a moving picture, seconds, and how often that is looked at.
+#: How long a pixel must have stayed the same under a moving picture, seconds, and how often the mask is updated.
 SAME_S, REFRESH_S = 3.0, 1.0
-#: Gaps in time, seconds, after which everything starts anew.
+#: Gaps in time, seconds, that reset the detector.
 MAX_GAP_S = 1.0
 #: Grey values that differ by no more are the same (noise, compression).
 SAME_GRAY = 8
@@ -27,19 +27,19 @@ CORNER_RESPONSE, CORNER_SHARE = 2e-3, 0.2
 EDGE_GRAY = 16
 #: Gaps between the corners of an overlay that are closed, and how far it reaches around them, pixels.
 GAP_PX, REACH_PX = 15, 4
-#: Overlays do not cover more of the picture; what does is the scene.
+#: A mask that covers a larger share of the image is rejected.
 MAX_SHARE = 0.25
 
 
 class OverlayFinder:
-    """Watches pictures of one size go by; ``mask`` is what it has learnt."""
+    """Detects overlays in a sequence of images of one size; ``mask`` is the current estimate."""
 
     def __init__(self) -> None:
         self.mask: BoolArray | None = None
         self.reset()
 
     def reset(self) -> None:
-        """Forget every picture, and the mask."""
+        """Clear all images and the mask."""
         self._start(np.empty((0, 0), np.uint8), 0)
 
     def _start(self, gray: ByteArray, stamp_ns: int) -> None:
@@ -50,7 +50,7 @@ class OverlayFinder:
         self._since_refresh_s = 0.0
 
     def step(self, gray: ByteArray, stamp_ns: int) -> BoolArray | None:
-        """Take in a picture, (h, w) uint8; the mask, False on overlays, None while there are none.
+        """Add an image, (h, w) uint8; returns the mask, False on overlays, None while there are none.
 
         A pixel is compared with what it was when it last changed, so that slow drift counts as change.
         """
@@ -120,7 +120,7 @@ def _edges(gray: ByteArray) -> BoolArray:
 
 
 def _connected_to(pixels: ByteArray, seeds: BoolArray) -> ByteArray:
-    """The connected regions of ``pixels`` that hold a seed."""
+    """The connected components of ``pixels`` that contain a seed."""
     count, labels = cv2.connectedComponents(pixels)
     chosen = np.zeros(count, np.uint8)
     chosen[labels[seeds]] = 1

@@ -1,4 +1,4 @@
-"""Gaussian and Laplacian image pyramids, for whatever works from coarse to fine (direct ego-motion, flow, blending).
+"""Gaussian and Laplacian image pyramids, for coarse-to-fine methods (direct ego-motion, flow, blending).
 
 Source: Burt and Adelson 1983, with the 5 x 5 binomial kernel (1 4 6 4 1)/16 in each direction. Level 0 is the image;
 each further level has half the sides, rounded up. A pixel (x, y) of a level lies at (2 x, 2 y) of the one before.
@@ -29,7 +29,7 @@ def gaussian_pyramid(image: ByteArray | FloatArray, levels: int, min_side_px: in
 
 
 def laplacian_pyramid(image: ByteArray | FloatArray, levels: int, min_side_px: int = 1) -> list[FloatArray]:
-    """What each level of the Gaussian pyramid has that the next one, expanded, has not; the smallest level as it is.
+    """Each level of the Gaussian pyramid less the next one expanded; the smallest level unchanged.
 
     Arguments and result as in ``gaussian_pyramid``; ``reconstruct`` gives the image back.
     """

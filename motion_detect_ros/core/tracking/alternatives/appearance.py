@@ -1,4 +1,4 @@
-"""What an object looks like, to find it where its motion no longer shows it: it has stopped, or flow fails on it."""
+"""Appearance models, to recognise objects that are not detected by motion: they stopped, or flow fails on them."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.types import ByteArray, DoubleArray, FloatArray
 
-#: Reach of the search around the prediction, share of the object's sides and pixels.
+#: Search radius around the prediction, share of the object's sides and pixels.
 REACH_SHARE, REACH_PX = 0.3, 4.0
-#: An object whose grey values spread less, or whose box is smaller, is not told from the ground.
+#: Least standard deviation of the grey values, and least side, of an object that can be told from the ground.
 MIN_SPREAD_GRAY, MIN_SIDE_PX = 4.0, 5
 #: Least normalised cross-correlation with the template.
 MIN_CORRELATION = 0.7
@@ -24,7 +24,7 @@ MIN_LIKELIHOOD_SHARE, MIN_LIKENESS = 0.7, 0.85
 
 
 class Appearance(Protocol):
-    """One object's looks."""
+    """The appearance of one object."""
 
     def find(self, gray: ByteArray, centre: DoubleArray, size: DoubleArray) -> DoubleArray | None:
         """(2,) centre of the object in ``gray`` near a box of ``centre`` and ``size``, None where it is not there.
@@ -33,7 +33,7 @@ class Appearance(Protocol):
         """
 
 
-#: Looks of what a box of ``gray`` shows (centre, size), None where they tell nothing.
+#: Appearance of a box (centre, size) of ``gray``, None where it is not distinctive.
 Learn = Callable[[ByteArray, DoubleArray, DoubleArray], Appearance | None]
 
 
