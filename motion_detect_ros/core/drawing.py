@@ -1,4 +1,4 @@
-"""Pictures for people: boxes on the image, flow as colour."""
+"""Visualisation: boxes on the image, flow as colour."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def flow_to_color(flow: FloatArray, full_px: float | None = None) -> ByteArray:
 
 
 def _pixel(x: float, y: float) -> tuple[int, int]:
-    """Rounded, and near enough to the picture for OpenCV's 32-bit coordinates."""
+    """Rounded, and near enough to the image for OpenCV's 32-bit coordinates."""
     return round(min(max(x, -FAR_PX), FAR_PX)), round(min(max(y, -FAR_PX), FAR_PX))
 
 

@@ -92,7 +92,7 @@ def use_threads(config: LoadConfig) -> None:
 
 def warm_up(config: PipelineConfig) -> None:
     """Compile (or load from the cache) every kernel and allocate buffers, so that the first frame is not delayed."""
-    seen = replace(config.preprocessing, ignore_top_px=0, ignore_regions='')  # made for pictures of another size
+    seen = replace(config.preprocessing, ignore_top_px=0, ignore_regions='')  # made for images of another size
     tracks = replace(config.tracks, confirm_s=0.0, confirm_log_odds=-100.0)
     pipeline = MotionPipeline(replace(config, preprocessing=seen, tracks=tracks))
     width = max(MIN_WARM_UP_PX, config.preprocessing.max_width_px)

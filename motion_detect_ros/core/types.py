@@ -125,7 +125,7 @@ class RelativePose:
 
     ``rotation``: (3, 3) R; ``direction``: (3,) t, unit vector, the camera travels along -t (current camera's axes);
     ``epipole``: (2,) full-resolution pixels of the current frame, where static points flow out of (or into); not finite
-    where the camera travels parallel to the picture; ``ground``: (3,) g with g . X_now = 1 on the ground, so g / |g| is
+    where the camera travels parallel to the image; ``ground``: (3,) g with g . X_now = 1 on the ground, so g / |g| is
     its normal, away from the camera, 1 / |g| the camera's height over it, and g . (x, y, 1) the inverse depth of the
     ground at normalised (x, y); None where no ground is visible.
     """
@@ -141,7 +141,7 @@ class EgoMotion:
     """Motion of the background between two frames.
 
     ``matrix``: (3, 3) float64, maps previous pixel -> current pixel (full resolution).
-    ``covariance``: (6, 6) float64 of the affine parameters (a0 .. a5), see ``core.ego_motion.kalman``.
+    ``covariance``: (6, 6) float64 of the affine parameters (a0 .. a5), see ``core.geometry.affine``.
     ``residual_px``: median distance of the inliers to the model. ``camera``: None = not enabled or not determined;
     it does not depend on ``status``, which refers to ``matrix``.
     """

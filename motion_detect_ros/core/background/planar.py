@@ -67,7 +67,7 @@ class Background:
 def motion_vectors(residual: FloatArray, background: Background) -> FloatArray:
     """(gh, gw, 2) motion against the background in units of its noise; NaN where the flow is unknown.
 
-    residual: (gh, gw, 2) flow with the ego-motion taken out, pixels.
+    residual: (gh, gw, 2) flow without the ego-motion, pixels.
     """
     vectors: FloatArray = (residual - background.flow) / background.sigma_px[..., None]
     return vectors
@@ -97,8 +97,8 @@ def background_of_static_points(
 ) -> Background:
     """The background of static points at any depth.
 
-    residual, flow: (gh, gw, 2) pixels, without and with the ego-motion, NaN = invalid; own: (gh, gw, 2) what no static
-    point can do of it. The noise is the measured spread of the latter plus a share of the flow.
+    residual, flow: (gh, gw, 2) pixels, without and with the ego-motion, NaN = invalid; own: (gh, gw, 2) object flow,
+    what no static point can do of it. The noise is the measured spread of the latter plus a share of the flow.
     """
     known = np.isfinite(residual[..., 0])
     sigma = max(config.noise_floor_px, rayleigh_sigma(np.hypot(own[..., 0], own[..., 1])[known]))

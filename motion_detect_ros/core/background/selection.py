@@ -44,8 +44,8 @@ class BackgroundSelector:
     def fit(self, flow: FloatArray, residual: FloatArray, camera: CameraModel, dt_s: float) -> Background:
         """Background of one frame.
 
-        flow: (gh, gw, 2) total displacement, full-resolution pixels of the camera; residual: the same with the
-        ego-motion taken out, NaN = invalid; dt_s: since the frame before.
+        flow: (gh, gw, 2) total displacement, full-resolution pixels of the camera; residual: the same without
+        the ego-motion, NaN = invalid; dt_s: since the frame before.
         """
         length = magnitude(np.nan_to_num(flow))
         planar = fit_background(residual, self._config, length)

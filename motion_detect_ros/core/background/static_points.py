@@ -33,7 +33,7 @@ def fit_static_scene(
 ) -> StaticScene | None:
     """Camera motion and ground from the flow; None where the flow does not determine them.
 
-    flow: (gh, gw, 2) total displacement, pixels; residual: the same with the ego-motion taken out, NaN = invalid;
+    flow: (gh, gw, 2) total displacement, pixels; residual: the same without the ego-motion, NaN = invalid;
     start: camera motion of the frame before. The background is relative to the ego-motion, as ``residual`` is.
     """
     points = grid_points(flow.shape[0], flow.shape[1], camera.width, camera.height)

@@ -8,7 +8,7 @@ vectors:
 
     similarity(s, t) = 1 - |s - t| / (|s| + |t| + 1)            (s, t in units of the noise)
 
-It is 1 for equality only, falls towards 0 for opposite directions and for very different lengths, has no seam in the
+It is 1 for equality only, falls towards 0 for opposite directions and for very different lengths, is continuous in the
 angle, and treats vectors below the noise as alike. Neuron 0 is the background, fixed at zero, and competes first.
 """
 

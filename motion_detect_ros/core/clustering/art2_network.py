@@ -1,4 +1,4 @@
-"""What the ART2 variants share: neurons that persist over frames, growth, learning passes, merging, forgetting.
+"""Base of the ART2 variants: neurons that persist over frames, growth, learning passes, merging, forgetting.
 
 A variant defines how vectors become F1 activities, how well they match a neuron and how a neuron learns; the search
 is the same. Neuron 0 is the background, fixed at zero.
@@ -207,7 +207,7 @@ class Art2Network(ABC, Generic[F1]):
 
 @numba.njit(cache=True, nogil=True)
 def _most_novel(vectors, still, match, background_match):  # type: ignore[no-untyped-def]
-    """Index (-1: none) and match of the worst-matched vector among those that match the background less than given.
+    """Index (-1: none) and match of the worst-matched vector of those that match the background by less than given.
 
     Of equally novel vectors the one with the smaller components, whatever the raster.
     """
@@ -222,7 +222,7 @@ def _most_novel(vectors, still, match, background_match):  # type: ignore[no-unt
 
 @numba.njit(cache=True, nogil=True)
 def _precedes(vectors, i, j):  # type: ignore[no-untyped-def]
-    """Order of rows: by the first component, equal ones by the next."""
+    """Lexicographic order of rows."""
     for d in range(vectors.shape[1]):
         if vectors[i, d] != vectors[j, d]:
             return vectors[i, d] < vectors[j, d]

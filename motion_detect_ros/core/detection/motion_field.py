@@ -70,7 +70,7 @@ class MotionField:
 
 @numba.njit(cache=True, nogil=True, error_model='numpy')
 def _enlarged(flow, left, top, right, bottom, width, height, scale):  # type: ignore[no-untyped-def]
-    """(bottom - top, right - left, 2) pixels of a grid over a ``width`` x ``height`` picture, linear, times ``scale``.
+    """(bottom - top, right - left, 2) pixels of a grid over a ``width`` x ``height`` image, linear, times ``scale``.
 
     Between the outermost cells' centres and the image border the outermost cells are replicated.
     """

@@ -24,7 +24,7 @@ MIN_SIGMAS = 0.1
 def log_odds(area_share: float, sigmas: float, known_share: float, known_around: float) -> float:
     """Logarithm of p / (1 - p), p the probability that a candidate is a moving object.
 
-    area_share: its foreground's area over the square of the picture's width, so that the same object has the same at
+    area_share: its foreground's area over the square of the image's width, so that the same object has the same at
     every resolution; sigmas: motion against the background in noise units; known_share, known_around: share of the
     cells with known flow, in its box and around it, 0..1.
     """

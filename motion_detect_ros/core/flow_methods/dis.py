@@ -8,7 +8,7 @@ import cv2
 
 from motion_detect_ros.core.types import ByteArray, FloatArray
 
-#: Finest level of DIS that any picture allows, and the side that allows level 1, twice that for every level more.
+#: Finest level of DIS that any image allows, and the side that allows level 1, twice that for every level more.
 SAFE_FINEST_SCALE, SAFE_SIDE_PX = 2, 16
 
 
@@ -23,7 +23,7 @@ class Dis:
 
     def __call__(self, current: ByteArray, reference: ByteArray, /) -> FloatArray:
         """As ``FlowFunction``."""
-        if current.shape != self._size:  # OpenCV's changes its own parameters for small pictures and keeps them
+        if current.shape != self._size:  # OpenCV's changes its own parameters for small images and keeps them
             self._dis, self._size = self._make(min(current.shape)), current.shape
         flow: FloatArray = self._dis.calc(current, reference, None)
         return flow
@@ -31,7 +31,7 @@ class Dis:
     def _make(self, side_px: int) -> cv2.DISOpticalFlow:
         dis = cv2.DISOpticalFlow_create(self._preset)
         if self._finest_scale is not None:
-            # OpenCV 5.0 writes beyond its arrays where a picture is small for a finest level over 2.
+            # OpenCV 5.0 writes beyond its arrays where an image is small for a finest level over 2.
             safe = max(SAFE_FINEST_SCALE, int(math.log2(side_px / SAFE_SIDE_PX)))
             dis.setFinestScale(min(self._finest_scale, safe))
         if self._refinement_iterations is not None:

@@ -8,7 +8,7 @@ from motion_detect_ros.core.types import ByteArray, FloatArray
 
 
 class FlowFunction(Protocol):
-    """A method of dense optical flow between two pictures."""
+    """A method of dense optical flow between two images."""
 
     def __call__(self, current: ByteArray, reference: ByteArray, /) -> FloatArray:
         """(h, w, 2) float32 displacement current -> reference, pixels; NaN where the method gives none.

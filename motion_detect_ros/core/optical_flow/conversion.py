@@ -12,7 +12,7 @@ from motion_detect_ros.core.types import DoubleArray, FloatArray
 def total_flow(shift: FloatArray, matrix: DoubleArray, scale: float, width: int, height: int) -> FloatArray:
     """(rows, columns, 2) displacement reference -> current, full-resolution pixels; NaN where the origin is outside.
 
-    shift: (rows, columns, 2) displacement from the current picture to the stabilised reference, working-resolution
+    shift: (rows, columns, 2) displacement from the current image to the stabilised reference, working-resolution
     pixels; matrix: (3, 3) ego-motion, reference pixel -> current pixel; scale: working / full resolution.
     """
     back = inverse(matrix).astype(np.float32)

@@ -17,9 +17,9 @@ WHOLE = 1.0 - 1e-4
 def regions_mask(
     regions: tuple[Region, ...], width: int, height: int, shape: tuple[int, int],
 ) -> BoolArray | None:
-    """(h, w) = ``shape``: False for every pixel that shows any of ``regions`` of a ``width`` x ``height`` picture.
+    """(h, w) = ``shape``: False for every pixel that shows any of ``regions`` of a ``width`` x ``height`` image.
 
-    None where there are no regions. Raises: FrameError for a region that is not on the picture.
+    None where there are no regions. Raises: FrameError for a region that is not on the image.
     """
     if not regions:
         return None

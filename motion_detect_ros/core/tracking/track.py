@@ -190,5 +190,5 @@ class Track:
 
 
 def _weight(dt_s: float) -> float:
-    """How often the log odds of a frame of this period count: the sum tends to the same at every frame rate."""
+    """Weight of the log odds of a frame of this period: the sum has the same limit at every frame rate."""
     return (1.0 - kept(dt_s, LOG_ODDS_MEMORY_S)) / (1.0 - kept(PERIOD_S, LOG_ODDS_MEMORY_S))

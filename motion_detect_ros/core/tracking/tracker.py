@@ -54,7 +54,7 @@ class Tracker:
 
         matrix: (3, 3) previous pixel -> current pixel; dt_s: time between them, seconds; gray: (h, w) uint8, the frame
         at working resolution, for the appearance models. Returns the confirmed objects
-        (``DETECTION_DTYPE``), boxes cut to the image; a track whose centre has left the image is over.
+        (``DETECTION_DTYPE``), boxes cut to the image; a track ends when its centre leaves the image.
         """
         self._predict(matrix, dt_s, width, height)
         pairs = self._assign(candidates)
@@ -139,7 +139,7 @@ class Tracker:
         return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < FORBIDDEN}
 
     def _cost(self, candidates: list[Candidate]) -> DoubleArray:
-        """(tracks, candidates) distance in units of both sizes, plus a share of how their areas differ."""
+        """(tracks, candidates) distance in units of both sizes, plus a share of the log ratio of their areas."""
         places = np.array([track.state[:2] for track in self._tracks])
         sizes = np.array([track.size for track in self._tracks])
         gate_inflation_px = np.array([track.gate_inflation_px for track in self._tracks])

@@ -35,7 +35,7 @@ ORDER_SEED = 0
 
 @dataclass(frozen=True)
 class Settled:
-    """``vectors``: (N, D) inputs; ``u``: (N, D) F1's answer before F2's; ``still``: 1 background, 0 not, NaN unknown.
+    """``vectors``: (N, D) inputs; ``u``: (N, D) F1's output; ``still``: 1 background, 0 not, NaN unknown.
 
     ``order``: rows of all that is not background, in an order that depends on the vectors' values only.
     """
@@ -98,7 +98,7 @@ def _fixed_order(vectors: FloatArray, rows: npt.NDArray[np.int64]) -> npt.NDArra
 
 @numba.njit(cache=True, nogil=True)
 def _settled(vectors, k):  # type: ignore[no-untyped-def]
-    """(N, D) u of every vector before any neuron answers."""
+    """(N, D) u of every vector without feedback from F2."""
     n, dimension = vectors.shape
     u, f1 = np.zeros((n, dimension), np.float32), np.zeros((6, dimension), np.float32)
     nothing = np.zeros((1, dimension), np.float32)
@@ -140,7 +140,7 @@ def _match_new(u, still, prototypes, k, match):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _present_all(vectors, order, prototypes, k, vigilance, rate, updates):  # type: ignore[no-untyped-def]
-    """One pass: every vector settles, searches, and teaches the neuron that resonates; none is committed."""
+    """One pass: every vector settles, searches, and trains the neuron that resonates; none is committed."""
     f1, reset = np.zeros((6, vectors.shape[1]), np.float32), np.zeros(prototypes.shape[0], np.bool_)
     tolerance = SETTLED_SHARE * rate * k.d
     for i in order:

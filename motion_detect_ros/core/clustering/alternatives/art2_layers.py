@@ -13,11 +13,11 @@ Ten stages, one function each. F1 has six sublayers for an input s, with J the F
      9  commitment    all reset: a new neuron takes t = u / (1 - d), where learning would end (fast commitment)
     10  learning      t_J <- alpha d u + (1 + alpha d (d - 1)) t_J, F1 updated, once (slow) or until it settles (fast)
 
-Differences from the book, each for motion vectors: f is odd, so that negative components live; bottom-up weights start
-as the top-down ones do (0, the safest value of Fausett's bound) and follow the same law, so one matrix holds both; a
-new neuron learns at once (fast commitment, slow recoding: Carpenter, Grossberg and Rosen 1991), as |r| hardly falls
-for a template near 0 and the vigilance would not act; normalisation drops the length, so neuron 0 wins the vectors
-that are not longer than the noise.
+Differences from the book, each for motion vectors: f is odd, so that negative components are kept; bottom-up weights
+start as the top-down ones do (0, the safest value of Fausett's bound) and follow the same law, so one matrix holds
+both; a new neuron learns at once (fast commitment, slow recoding: Carpenter, Grossberg and Rosen 1991), as |r| hardly
+falls for a template near 0 and the vigilance would not act; normalisation drops the length, so neuron 0 wins the
+vectors that are not longer than the noise.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def activation(y, theta):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def layer_w(s, k, f1):  # type: ignore[no-untyped-def]
-    """Stage 1: the input and what F1 makes of it."""
+    """Stage 1: the input plus feedback from u."""
     for d in range(s.shape[0]):
         f1[W, d] = s[d] + k.a * f1[U, d]
 
@@ -98,7 +98,7 @@ def layer_u(k, f1):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def layer_p(prototypes, j, k, f1):  # type: ignore[no-untyped-def]
-    """Stage 5: what the active neuron j expects joins in."""
+    """Stage 5: u plus the expectation of the active neuron j."""
     for d in range(f1.shape[1]):
         f1[P, d] = f1[U, d] + (k.d * prototypes[j, d] if j != NO_NEURON else 0.0)
 
@@ -111,7 +111,7 @@ def layer_q(k, f1):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def competition(p, prototypes, reset):  # type: ignore[no-untyped-def]
-    """Stage 7: the neuron that p excites most, the background and those under reset apart; NO_NEURON: none is left."""
+    """Stage 7: the neuron that p excites most, but the background and those under reset; NO_NEURON: none is left."""
     winner, largest = NO_NEURON, -np.inf
     for j in range(1, prototypes.shape[0]):
         if reset[j]:
@@ -135,7 +135,7 @@ def reset_match(k, f1):  # type: ignore[no-untyped-def]
 
 
 def commitment(u: FloatArray, k: F1Constants) -> FloatArray:
-    """Stage 9: (D,) weights of a new neuron: the fixed point of stage 10 for an input that stays."""
+    """Stage 9: (D,) weights of a new neuron: the fixed point of stage 10 for a constant input."""
     weights: FloatArray = u / np.float32(1.0 - k.d)
     return weights
 
@@ -164,7 +164,7 @@ def update_f1(s, prototypes, j, k, f1):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def settle(s, prototypes, k, f1):  # type: ignore[no-untyped-def]
-    """F1's answer to an input alone; leaves u up to date."""
+    """F1's output for an input without feedback; leaves u up to date."""
     f1[:] = 0.0
     for _ in range(F1_UPDATES):
         update_f1(s, prototypes, NO_NEURON, k, f1)

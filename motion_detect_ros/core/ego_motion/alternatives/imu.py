@@ -1,4 +1,4 @@
-"""Angular rates of an IMU, integrated to the camera's rotation between two pictures and to the homography it causes.
+"""Angular rates of an IMU, integrated to the camera's rotation between two images and to the homography it causes.
 
 Conventions: a rate is that of the IMU's frame against the world, about its own axes. The optical frame has x right,
 y down, z ahead. ``roll_rad``, ``pitch_rad``, ``yaw_rad`` turn vectors of the IMU's frame into the optical one,
@@ -25,7 +25,7 @@ MIN_DEPTH = 0.1
 
 
 class GyroBuffer:
-    """Collects angular rates and integrates them between pictures that come in order of time."""
+    """Collects angular rates and integrates them between images that come in order of time."""
 
     def __init__(self, config: ImuConfig) -> None:
         self._to_optical = Rotation.from_euler('xyz', [config.roll_rad, config.pitch_rad, config.yaw_rad])
@@ -94,7 +94,7 @@ def camera_matrix(camera: CameraModel) -> DoubleArray:
 def rotation_homography(rotation: DoubleArray, camera: CameraModel) -> DoubleArray | None:
     """(3, 3) K R K^-1, previous pixel -> current pixel (Hartley and Zisserman 2004, section 8.4), at any depth.
 
-    rotation: (3, 3) R as of ``GyroBuffer.rotation``. None where a corner of the picture turns out of sight.
+    rotation: (3, 3) R as of ``GyroBuffer.rotation``. None where a corner of the image turns out of sight.
     """
     k = camera_matrix(camera)
     matrix: DoubleArray = k @ rotation @ np.linalg.inv(k)

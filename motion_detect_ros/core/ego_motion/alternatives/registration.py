@@ -142,7 +142,7 @@ def assess(template: Template, image: FloatArray, family: ModelFamily, matrix: D
     spread = _composed_derivative(matrix, template.centre) @ family.basis
     later = _sampled(image, template.points, matrix)
     seen = np.isfinite(later)
-    with np.errstate(divide='ignore', invalid='ignore'):  # a plain picture correlates with nothing: NaN
+    with np.errstate(divide='ignore', invalid='ignore'):  # a plain image correlates with nothing: NaN
         correlation = float(np.corrcoef(template.values[seen], later[seen])[0, 1])
     distance = np.abs(errors) / np.hypot(template.gradients[:, 0], template.gradients[:, 1])
     return Registration(matrix, variance * spread @ np.linalg.inv(normal) @ spread.T, correlation, inliers,

@@ -2,11 +2,11 @@
 
 What a model must be:
 
-- Inputs, float32: two pictures of shape (1, 3, h, w), the current one first; or one input that holds both,
+- Inputs, float32: two images of shape (1, 3, h, w), the current one first; or one input that holds both,
   (1, 6, h, w), (2, 3, h, w) or (1, 2, 3, h, w). Values 0 to 255, RGB; a model that wants another range scales them
   itself.
-- The last output is the flow, (1, 2, h, w) of the input's h and w, pixels, from the first picture to the second.
-- h and w are open, then pictures are padded to a multiple of 8 by repeating the border, or fixed, then pictures are
+- The last output is the flow, (1, 2, h, w) of the input's h and w, pixels, from the first image to the second.
+- h and w are open, then images are padded to a multiple of 8 by repeating the border, or fixed, then images are
   resized to them and the flow is resized and scaled back.
 """
 
@@ -23,7 +23,7 @@ from motion_detect_ros.core.types import ByteArray, FloatArray
 
 #: RAFT works on features at an eighth of the resolution.
 MULTIPLE_PX = 8
-#: Shapes of inputs without height and width: each of two pictures, or both in one.
+#: Shapes of inputs without height and width: each of two images, or both in one.
 ONE_PICTURE, TWO_PICTURES = (1, 3), ((1, 6), (2, 3), (1, 2, 3))
 
 _Shape = tuple[int | None, ...]
@@ -46,7 +46,7 @@ class OnnxFlow:
         self._fixed = None if height is None or width is None else (width, height)
 
     def __call__(self, current: ByteArray, reference: ByteArray, /) -> FloatArray:
-        """As ``FlowFunction``. Raises: BackendError where the model fails on the pictures."""
+        """As ``FlowFunction``. Raises: BackendError where the model fails on the images."""
         height, width = current.shape
         if self._fixed is None:
             padding = (0, -height % MULTIPLE_PX, 0, -width % MULTIPLE_PX)
@@ -87,7 +87,7 @@ class OnnxFlow:
                               ' and '.join(_text(shape) for _, shape in self._inputs))
 
     def _run(self, pictures: list[ByteArray]) -> FloatArray:
-        """Flow (h, w, 2) of two grey pictures (h, w) of a size that the model takes."""
+        """Flow (h, w, 2) of two grey images (h, w) of a size that the model takes."""
         planes = [np.broadcast_to(each.astype(np.float32), (3, *each.shape)) for each in pictures]
         try:
             found = np.asarray(self._session.run([self._output], self._feed(planes))[0])

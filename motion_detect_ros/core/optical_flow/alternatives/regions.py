@@ -78,8 +78,8 @@ def flow_in_regions(flow: FlowFunction, boxes: Boxes, current: ByteArray, refere
 def carried_flow(shift: FloatArray, matrix: DoubleArray, width: int, height: int) -> FloatArray:
     """(rows, columns, 2) the displacements of the previous image, warped into the current one.
 
-    shift: (rows, columns, 2) displacement on a grid over the previous picture, pixels, NaN = unknown; matrix: (3, 3)
-    previous pixel -> current pixel; width, height: of both pictures. Unknown cells and those from outside are zero, the
+    shift: (rows, columns, 2) displacement on a grid over the previous image, pixels, NaN = unknown; matrix: (3, 3)
+    previous pixel -> current pixel; width, height: of both images. Unknown cells and those from outside are zero, the
     displacement of the ground between stabilised images.
     """
     rows, columns = shift.shape[:2]
@@ -106,7 +106,7 @@ def moving_cells(shift: FloatArray) -> BoolArray:
 
 
 def regions_around(moving: BoolArray, width: int, height: int) -> Boxes:
-    """(n, 4) boxes around moving cells of a grid over a picture, cut at its edges, none overlapping another's cells.
+    """(n, 4) boxes around moving cells of a grid over an image, cut at its edges, none overlapping another's cells.
 
     left, top, right, bottom in pixels, on edges of cells.
     """

@@ -1,4 +1,4 @@
-"""Burnt-in overlays (text, symbols, own hull): corners, and edges from them, that stay as the picture moves."""
+"""Burnt-in overlays (text, symbols, own hull): corners and their edges that stay constant while the scene moves."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import numpy as np
 
 from motion_detect_ros.core.types import NANOSECONDS, BoolArray, ByteArray, FloatArray
 
-#: How long a pixel must have stayed the same under a moving picture, seconds, and how often the mask is updated.
+#: How long a pixel must have stayed the same under a moving image, seconds, and how often the mask is updated.
 SAME_S, REFRESH_S = 3.0, 1.0
 #: Gaps in time, seconds, that reset the detector.
 MAX_GAP_S = 1.0
 #: Grey values that differ by no more are the same (noise, compression).
 SAME_GRAY = 8
-#: Blocks over the picture, and the deviation of grey values from which one has texture.
+#: Blocks over the image, and the deviation of grey values from which one has texture.
 BLOCKS = (8, 6)
 TEXTURE_GRAY = 8.0
-#: Share of a textured block's pixels, and of the textured blocks, that a moving picture changes.
+#: Share of a textured block's pixels, and of the textured blocks, that a moving image changes.
 CHANGED_SHARE, MOVING_SHARE = 0.05, 0.5
 #: Window of the corner response, pixels.
 CORNER_PX = 5
@@ -88,7 +88,7 @@ def _moving(gray: ByteArray, previous: ByteArray) -> bool:
 def _overlay_mask(gray: ByteArray, same: BoolArray) -> BoolArray | None:
     """Structure that stayed the same and has such corners, closed and filled to patches.
 
-    None where there is none, or too much of it to be an overlay.
+    None without any, or where it covers too much to be an overlay.
     """
     overlay = np.zeros(gray.shape, np.uint8)
     structure = ((_edges(gray) | _corners(gray)) & same).astype(np.uint8)
@@ -112,7 +112,7 @@ def _corners(gray: ByteArray) -> BoolArray:
 
 
 def _edges(gray: ByteArray) -> BoolArray:
-    """Pixels that differ from the next one across or down."""
+    """Pixels that differ from their right or lower neighbour."""
     edges = np.zeros(gray.shape, np.bool_)
     edges[:, :-1] = cv2.absdiff(gray[:, 1:], gray[:, :-1]) > EDGE_GRAY
     edges[:-1] |= cv2.absdiff(gray[1:], gray[:-1]) > EDGE_GRAY

@@ -19,7 +19,7 @@ MIN_SPREAD_GRAY, MIN_SIDE_PX = 4.0, 5
 MIN_CORRELATION = 0.7
 #: Bins of the histogram of grey values, ring around the box that it is compared with, share of its sides.
 BINS, RING_SHARE = 32, 0.5
-#: Least back-projected likelihood, share of that when learnt; least likeness of histograms (Bhattacharyya 1943).
+#: Least back-projected likelihood, share of that when learnt; least similarity of histograms (Bhattacharyya 1943).
 MIN_LIKELIHOOD_SHARE, MIN_LIKENESS = 0.7, 0.85
 
 
@@ -116,7 +116,7 @@ APPEARANCE_MODELS: dict[str, Learn] = {'template': Template.learn, 'camshift': G
 
 
 def box_on(gray: ByteArray, centre: DoubleArray, size: DoubleArray) -> Box:
-    """The whole pixels of a box, cut to the image; empty where it is off it.
+    """The whole pixels of a box, cut to the image; empty where it is outside.
 
     gray: (h, w) uint8; centre, size: (2,) pixels of ``gray``, x before y.
     """
