@@ -25,7 +25,7 @@ FRAGMENT_SHARE, BESIDE_SHARE, ALIKE_SHARE = 0.2, 0.3, 0.5
 
 
 class MotionDetector:
-    """Holds the ART2 network of one kind of flow, or another clusterer in its place."""
+    """Clusters motion vectors and fits boxes to the clusters; holds the ART2 network or another clusterer."""
 
     def __init__(self, config: PipelineConfig, clusterer: Clusterer | None = None) -> None:
         self._join_match = config.objects.join_match

@@ -47,10 +47,10 @@ def _ellipse(size_px: int) -> ByteArray:
 
 
 def joined_patches(patches: list[Patch]) -> list[Patch]:
-    """Joins patches that are parts of one body, until none are.
+    """Joins patches that are parts of one object, repeatedly.
 
-    They are closer than ``GAP_SHARE`` of the smaller one's size, and together fill their box as they fill their own:
-    the front and the back of a car do, two cars side by side do not.
+    Two are joined where their gap is at most ``GAP_SHARE`` of the smaller one's size, and their common box is hardly
+    larger than their own together: front and back of a car are, two cars side by side are not.
     """
     done: list[Patch] = []
     waiting = list(patches)

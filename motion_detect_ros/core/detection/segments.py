@@ -57,7 +57,7 @@ def connected_segments(labels: LabelArray, motions: FloatArray, join_match: floa
 
 @numba.njit(cache=True, nogil=True)
 def _joined(motions, join_match):  # type: ignore[no-untyped-def]
-    """(K, K) bool: which neurons count as one motion; the background joins nothing."""
+    """(K, K) bool: which neurons count as one motion; the background is never joined."""
     n = motions.shape[0]
     joined = np.zeros((n, n), np.bool_)
     for i in range(1, n):

@@ -91,7 +91,7 @@ class EgoMotionStage:
         return self._in_space.estimate(measured.earlier, measured.current, frame.width, frame.height, self.camera)
 
     def _smoothed(self, fit: MotionFit, previous: PreparedFrame, frame: PreparedFrame) -> EgoMotion:
-        """The affine part as the filter sees it; what of the warp is perspective stays as measured."""
+        """The affine part filtered; the perspective part of the warp as measured."""
         dt_s, tracks = (frame.stamp_ns - previous.stamp_ns) / NANOSECONDS, len(fit.inliers)
         params, covariance, accepted = self._filter.update(fit.theta[:6], fit.covariance[:6, :6], frame.stamp_ns, dt_s)
         if not accepted:
