@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -95,6 +96,26 @@ def test_functions_and_settings_named_by_the_method_page_exist():
     assert len(named) > 10
     assert [f'{owner}.{name}' for owner, name in named
             if f'{owner}.{name}' not in options and name not in known.get(owner, ())] == []
+
+
+def setting_columns(text: str) -> Iterator[tuple[str, str]]:
+    """(group, name) of every setting in table columns that are headed "settings (`group.`)" or the like."""
+    column, group = 0, ''
+    for line in text.splitlines():
+        cells = re.split(r'(?<!\\)\|', line)
+        column = column if line.startswith('|') else 0
+        for number, cell in enumerate(cells):
+            if head := re.search(r'\(`(\w+)\.`\)', cell):
+                column, group = number, head[1]
+        if column:
+            yield from ((group, name) for name in re.findall(r'`(\w+)`', cells[column]))
+
+
+def test_settings_in_the_tables_of_the_method_page_exist():
+    options = {name for name, _, _ in settings(PipelineConfig())}
+    named = {f'{group}.{name}' for group, name in setting_columns(page('method.md'))}
+    assert {'art2.vigilance', 'objects.join_match', 'tracks.confirm_s'} <= named
+    assert named - options == set()
 
 
 def reading_path() -> dict[str, int]:

@@ -1,8 +1,8 @@
-"""The vectors that ART2 sees: motion in units of its noise, and whatever other features of the flow are asked for.
+"""The input vectors of ART2: motion in units of its noise, and other features of the flow (``art2.features``).
 
-Every further feature is taken as its difference from the picture's median, in units of the deviation of those
-differences, so that the background lies at zero as it does for the motion; all further features together are given the
-weight of one component of the motion.
+Every further feature is its difference from the image's median in units of the median absolute deviation, so that the
+background is at zero as it is for the motion; all further features together have the weight of one component of the
+motion.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from motion_detect_ros.core.types import FloatArray
 
 #: Side of the window of local features, cells, odd.
 WINDOW_CELLS = 7
-#: Features are differentiated by cells, not by pixels: only their share of the noise counts.
+#: Derivatives are per cell, not per pixel: features are scaled by their deviation anyway.
 CELL = (1.0, 1.0)
-#: Least deviation of a feature, its own unit: a picture without any is not divided by zero.
+#: Least deviation of a feature, in its unit, against division by zero.
 MIN_DEVIATION = 1e-6
 
 #: (motion (gh, gw, 2) in noise units, that of the frame before) -> (gh, gw) or (gh, gw, n).
@@ -59,7 +59,7 @@ FEATURES: dict[str, Feature] = {
 
 
 class FeatureVectors:
-    """Makes the vectors of one frame after the other."""
+    """Computes the vectors of consecutive frames."""
 
     def __init__(self, config: Art2Config) -> None:
         self._features = [FEATURES[name] for name in config.feature_names if name != 'motion']
@@ -67,7 +67,7 @@ class FeatureVectors:
         self._previous: FloatArray | None = None
 
     def reset(self) -> None:
-        """Forget the frame before."""
+        """Clear the previous frame."""
         self._previous = None
 
     def of(self, motion: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Features of a flow field, as ART2 may be told to see them (``art2.features``).
+"""Features of a flow field, selectable as input of ART2 (``art2.features``).
 
 A field is (gh, gw, 2), (dx, dy) in pixels, NaN where the flow is unknown. Every feature is NaN there, and only
 there: neighbours use the cells that are known. Windows are squares of an odd number of cells, cut at the
@@ -19,7 +19,7 @@ Bins = npt.NDArray[np.intp]
 
 #: Bins of the local histograms; a window of 7 x 7 cells fills them.
 BINS = 8
-#: Bins of the histogram of a whole object or picture; Chaudhry et al. 2009 find no gain beyond 30.
+#: Bins of the histogram of a whole object or image; Chaudhry et al. 2009 find no gain beyond 30.
 HOOF_BINS = 30
 
 
@@ -77,7 +77,7 @@ def temporal_change(flow: FloatArray, previous: FloatArray | None) -> FloatArray
 def hoof(flow: FloatArray, bins: int = HOOF_BINS) -> FloatArray:
     """(bins,) histogram of oriented optical flow: share of the total length in each direction, sums to 1.
 
-    flow: (..., 2) vectors of an object or a picture, NaN = unknown. Bin b of B holds the angles to the horizontal from
+    flow: (..., 2) vectors of an object or an image, NaN = unknown. Bin b of B holds the angles to the horizontal from
     -pi/2 + pi b / B on, left and right alike, each vector with its length: what walks left looks as what walks right,
     and small noise counts little. All zero where nothing moves.
     Source: Chaudhry et al. 2009, section 2.

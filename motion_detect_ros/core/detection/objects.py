@@ -117,7 +117,7 @@ def _cell_mask(segment: Segment, grid: tuple[int, ...], region: Box, width: int,
 
 @numba.njit(cache=True, nogil=True)
 def _pixels_of(rows, columns, grid_rows, grid_columns, left, top, right, bottom, width, height):  # type: ignore[no-untyped-def]
-    """(bottom - top, right - left) pixels of a ``width`` x ``height`` picture that lie in cells (n,) of its grid."""
+    """(bottom - top, right - left) pixels of a ``width`` x ``height`` image that lie in cells (n,) of its grid."""
     mask = np.zeros((bottom - top, right - left), np.bool_)
     for n in range(len(rows)):
         r, c = rows[n], columns[n]

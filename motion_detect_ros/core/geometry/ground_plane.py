@@ -38,7 +38,7 @@ class GroundPlane:
 def fit_ground(points: DoubleArray, inverse_depth: DoubleArray, sigma: DoubleArray) -> GroundPlane | None:
     """RANSAC (Fischler and Bolles 1981), then Tukey-weighted least squares; None where no plane below is dominant.
 
-    points: (N, 2) normalised, of the lower half of the picture; inverse_depth, sigma: (N,), sigma one deviation.
+    points: (N, 2) normalised, of the lower half of the image; inverse_depth, sigma: (N,), sigma one deviation.
     """
     step = max(1, len(points) // MAX_POINTS)
     design = np.column_stack([points[::step], np.ones(len(points[::step]))])

@@ -22,7 +22,7 @@ from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, EgoS
 
 #: Shorter side of the coarsest level at least, pixels, and blur of the finest.
 MIN_SIDE_PX, BLUR_PX = 24, 0.8
-#: Levels above the picture at most, and of details: a pixel of the last one is eight of the picture's wide.
+#: Maximum number of levels above the image, and levels of details: a pixel of the last one is eight pixels wide.
 MAX_LEVELS, DETAIL_LEVELS = 10, 3
 #: Pixels with a gradient that are needed on the finest level.
 MIN_PIXELS = 300
@@ -82,9 +82,9 @@ def gaussian_levels(gray: ByteArray) -> list[FloatArray]:
 
 
 def laplacian_levels(gray: ByteArray) -> list[FloatArray]:
-    """The same of the details of a Laplacian pyramid, without what is left of the picture on its last level.
+    """The same of the details of a Laplacian pyramid, without its last level.
 
-    Light that changes slowly from place to place adds to that level only.
+    Illumination that varies slowly over the image is in that level only.
     """
     *details, rest = laplacian_pyramid(cv2.GaussianBlur(gray, (0, 0), BLUR_PX), DETAIL_LEVELS, MIN_SIDE_PX)
     return gaussian_pyramid(reconstruct([*details, np.zeros_like(rest)]), MAX_LEVELS, MIN_SIDE_PX)
