@@ -97,7 +97,7 @@ class ImuConfig:
     """A gyroscope beside the camera."""
 
     use: bool = setting(
-        False, 'rotation of the IMU as first guess of the ego-motion and in its place where the picture shows none; '
+        False, 'rotation of the IMU as prior of the ego-motion, and instead of it where the image determines none; '
         'needs a calibrated camera')
     time_offset_s: float = setting(
         0.0, "added to the IMU's stamps to get the camera's", low=-10.0, high=10.0, unit='s')
@@ -155,13 +155,13 @@ class BackgroundConfig:
     focal_share: float = setting(
         0.9, 'focal length where no calibration is known, share of the image width', low=0.2, high=10.0)
     depth_noise_share: float = setting(
-        0.02, 'share of the camera-caused flow that is added to the noise, three-dimensional background',
+        0.02, 'share of the total flow that is added to the noise, three-dimensional background',
         low=0.0, high=1.0)
 
     noise_floor_px: float = setting(
         0.2, 'noise of the flow over the baseline is never taken to be smaller', low=0.01, high=10.0, unit='px')
     noise_share: float = setting(
-        0.06, 'share of the camera-caused flow that is added to the noise, planar background', low=0.0, high=1.0)
+        0.06, 'share of the total flow that is added to the noise, planar background', low=0.0, high=1.0)
 
 
 @dataclass(frozen=True)
@@ -256,7 +256,7 @@ class TracksConfig:
         'none', 'objects that stop are recognised by their appearance: template (pixels) or camshift (grey values)',
         choices=('none', 'template', 'camshift'))
     appearance_hold_s: float = setting(
-        2.0, 'how long they are held where they are, their score fading', low=0.0, high=60.0, unit='s')
+        2.0, 'how long they are reported where they are, their score falling', low=0.0, high=60.0, unit='s')
 
     def __post_init__(self) -> None:
         if self.confirm_s > self.confirm_window_s:

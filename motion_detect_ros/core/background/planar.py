@@ -93,18 +93,18 @@ def fit_background(residual: FloatArray, config: BackgroundConfig, magnitude: Fl
 
 
 def background_of_static_points(
-    residual: FloatArray, own: DoubleArray, flow: FloatArray, config: BackgroundConfig,
+    residual: FloatArray, object_flow: DoubleArray, flow: FloatArray, config: BackgroundConfig,
 ) -> Background:
     """The background of static points at any depth.
 
-    residual, flow: (gh, gw, 2) pixels, without and with the ego-motion, NaN = invalid; own: (gh, gw, 2) object flow,
+    residual, flow: (gh, gw, 2) pixels, without and with the ego-motion, NaN = invalid; object_flow: (gh, gw, 2)
     what no static point can do of it. The noise is the measured spread of the latter plus a share of the flow.
     """
     known = np.isfinite(residual[..., 0])
-    sigma = max(config.noise_floor_px, rayleigh_sigma(np.hypot(own[..., 0], own[..., 1])[known]))
+    sigma = max(config.noise_floor_px, rayleigh_sigma(np.hypot(object_flow[..., 0], object_flow[..., 1])[known]))
     length = np.hypot(flow[..., 0], flow[..., 1])
     sigma_px = sigma + config.depth_noise_share * np.nan_to_num(length)
-    return Background((residual - own).astype(np.float32), sigma_px.astype(np.float32), smooth=False)
+    return Background((residual - object_flow).astype(np.float32), sigma_px.astype(np.float32), smooth=False)
 
 
 def _surface(solution: DoubleArray, x: DoubleArray, y: DoubleArray) -> FloatArray:

@@ -47,5 +47,5 @@ def fit_static_scene(
     reach_px = np.hypot(lines.towards[..., 0], lines.towards[..., 1]) * camera.fx
     ground = ground_below(earlier, lines.inverse_depth(s), reach_px, known & (now[..., 1] > 0.0))
     least = ground.least_inverse_depth(earlier) if ground else np.zeros_like(s)
-    own = (now - lines.at(np.maximum(s, lines.from_inverse_depth(least)))) * [camera.fx, camera.fy]
-    return StaticScene(background_of_static_points(residual, own, flow, config), motion, ground)
+    object_flow = (now - lines.at(np.maximum(s, lines.from_inverse_depth(least)))) * [camera.fx, camera.fy]
+    return StaticScene(background_of_static_points(residual, object_flow, flow, config), motion, ground)

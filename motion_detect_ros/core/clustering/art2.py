@@ -38,11 +38,11 @@ def make_art2(config: Art2Config) -> Art2Network[Any]:
 
 @dataclass(frozen=True)
 class Presented:
-    """``vectors``: (N, D); ``length``: (N,), NaN where not presented; ``still``: (N,) match with the background."""
+    """``vectors``: (N, D); ``length``: (N,), NaN where not presented; ``background_match``: (N,)."""
 
     vectors: FloatArray
     length: FloatArray
-    still: DoubleArray
+    background_match: DoubleArray
 
 
 class Art2(Art2Network[Presented]):
@@ -56,13 +56,14 @@ class Art2(Art2Network[Presented]):
 
     def _feed(self, vectors: FloatArray) -> Presented:
         length = _lengths(vectors)
-        return Presented(vectors, length, _still(length))
+        return Presented(vectors, length, _background_match(length))
 
     def _compete(self, f1: Presented, labels: LabelArray, match: FloatArray) -> int:
-        return int(_compete(f1.vectors, f1.length, f1.still, self.prototypes, self._config.vigilance, labels, match))
+        return int(_compete(
+            f1.vectors, f1.length, f1.background_match, self.prototypes, self._config.vigilance, labels, match))
 
     def _compete_new(self, f1: Presented, labels: LabelArray, match: FloatArray) -> None:
-        _compete_new(f1.vectors, f1.length, f1.still, self.prototypes, self._config.vigilance, labels, match)
+        _compete_new(f1.vectors, f1.length, f1.background_match, self.prototypes, self._config.vigilance, labels, match)
 
     def _commitment(self, f1: Presented, index: int) -> FloatArray:
         return f1.vectors[index]
@@ -98,12 +99,12 @@ def _lengths(vectors):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _still(length):  # type: ignore[no-untyped-def]
+def _background_match(length):  # type: ignore[no-untyped-def]
     """(N,) similarity with the background, whose length is 0."""
-    still = np.empty(length.shape[0], np.float64)
+    background_match = np.empty(length.shape[0], np.float64)
     for i in range(length.shape[0]):
-        still[i] = 1.0 - length[i] / (length[i] + 1.0)
-    return still
+        background_match[i] = 1.0 - length[i] / (length[i] + 1.0)
+    return background_match
 
 
 @numba.njit(cache=True, nogil=True)
@@ -117,7 +118,7 @@ def _match(vectors, length, i, prototypes, j, prototype_length):  # type: ignore
 
 
 @numba.njit(cache=True, nogil=True)
-def _compete(vectors, length, still, prototypes, vigilance, labels, match):  # type: ignore[no-untyped-def]
+def _compete(vectors, length, background_match, prototypes, vigilance, labels, match):  # type: ignore[no-untyped-def]
     """F2: background first, then the best of the others; returns how many labels changed.
 
     ``match`` becomes the best match with any neuron, whoever wins: novelty must not depend on the vigilance.
@@ -127,7 +128,7 @@ def _compete(vectors, length, still, prototypes, vigilance, labels, match):  # t
     for i in range(vectors.shape[0]):
         best, best_match = -1, 0.0
         if np.isfinite(length[i]):
-            best, best_match = 0, still[i]
+            best, best_match = 0, background_match[i]
             resonates = best_match >= vigilance
             if not resonates or best_match < CLEARLY_MOVING:
                 for j in range(1, prototypes.shape[0]):
@@ -143,7 +144,7 @@ def _compete(vectors, length, still, prototypes, vigilance, labels, match):  # t
 
 
 @numba.njit(cache=True, nogil=True)
-def _compete_new(vectors, length, still, prototypes, vigilance, labels, match):  # type: ignore[no-untyped-def]
+def _compete_new(vectors, length, background_match, prototypes, vigilance, labels, match):  # type: ignore[no-untyped-def]
     """The newest neuron takes the vectors it matches best, but none that resonates with the background."""
     new = prototypes.shape[0] - 1
     new_length = _lengths(prototypes[new:])[0]
@@ -152,7 +153,7 @@ def _compete_new(vectors, length, still, prototypes, vigilance, labels, match): 
             m = _match(vectors, length, i, prototypes, new, new_length)
             if m > match[i]:
                 match[i] = m
-                if still[i] < vigilance:
+                if background_match[i] < vigilance:
                     labels[i] = new
 
 

@@ -37,7 +37,8 @@ class VectorsError(MotionDetectError, ValueError):
 class Fed(Protocol):
     """A frame as F1 passes it to F2.
 
-    ``vectors``: (N, D) float32, what was presented; ``still``: (N,) match with the background, NaN = not presented.
+    ``vectors``: (N, D) float32, what was presented; ``background_match``: (N,) match with the background,
+    NaN = not presented.
     """
 
     @property
@@ -45,7 +46,7 @@ class Fed(Protocol):
         """(N, D) float32."""
 
     @property
-    def still(self) -> DoubleArray:
+    def background_match(self) -> DoubleArray:
         """(N,) float64."""
 
 
@@ -148,11 +149,11 @@ class Art2Network(ABC, Generic[F1]):
 
     def _commit_novel(
         self, f1: F1, labels: LabelArray, match: FloatArray,
-        neurons: int, required_match: float, background_match: float,
+        neurons: int, required_match: float, below: float,
     ) -> None:
         """Commit a neuron to the most novel vector, until all match or ``neurons`` are committed."""
         while len(self.prototypes) < neurons:
-            novel, novel_match = _most_novel(f1.vectors, f1.still, match, background_match)
+            novel, novel_match = _most_novel(f1.vectors, f1.background_match, match, below)
             if novel < 0 or novel_match >= required_match:
                 return
             self.prototypes = np.vstack([self.prototypes, self._commitment(f1, novel)])
@@ -206,14 +207,14 @@ class Art2Network(ABC, Generic[F1]):
 
 
 @numba.njit(cache=True, nogil=True)
-def _most_novel(vectors, still, match, background_match):  # type: ignore[no-untyped-def]
+def _most_novel(vectors, background_match, match, below):  # type: ignore[no-untyped-def]
     """Index (-1: none) and match of the worst-matched vector of those that match the background by less than given.
 
     Of equally novel vectors the one with the smaller components, whatever the raster.
     """
     novel, lowest = -1, np.float32(2.0)
     for i in range(vectors.shape[0]):
-        if not still[i] < background_match or match[i] > lowest:  # NaN is not presented
+        if not background_match[i] < below or match[i] > lowest:  # NaN is not presented
             continue
         if novel < 0 or match[i] < lowest or _precedes(vectors, i, novel):
             novel, lowest = i, match[i]

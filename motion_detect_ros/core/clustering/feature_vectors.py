@@ -24,7 +24,7 @@ from motion_detect_ros.core.clustering.flow_features import (
 from motion_detect_ros.core.config import Art2Config
 from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA
 from motion_detect_ros.core.geometry.vectors import magnitude
-from motion_detect_ros.core.types import FloatArray
+from motion_detect_ros.core.types import BoolArray, FloatArray
 
 #: Side of the window of local features, cells, odd.
 WINDOW_CELLS = 7
@@ -90,7 +90,7 @@ class FeatureVectors:
         return vectors
 
 
-def _in_deviations(values: FloatArray, known: np.ndarray) -> FloatArray:
+def _in_deviations(values: FloatArray, known: BoolArray) -> FloatArray:
     """(N, n) differences from the medians of the known rows, in deviations; 0 where a feature is not known."""
     if not known.any():
         return np.zeros_like(values)

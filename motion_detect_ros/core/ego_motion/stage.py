@@ -36,14 +36,14 @@ class EgoMotionStage:
         self._method = make_method(self._config)
         self._filter = make_smoother(self._config)
         self._gyro = GyroPrior(config.imu)
-        self._in_space = RelativePoseEstimator(config.background.focal_share)
+        self._relative_pose = RelativePoseEstimator(config.background.focal_share)
         self._previous: PreparedFrame | None = None
 
     def reset(self) -> None:
         """Clear the previous frame, the filter's state, the relative pose and the angular rates."""
         self._previous = None
         self._filter.reset()
-        self._in_space.reset()
+        self._relative_pose.reset()
         self._gyro.reset()
 
     def add_gyro(self, stamp_ns: int, rate: DoubleArray) -> None:
@@ -59,7 +59,7 @@ class EgoMotionStage:
         status = self._continuity(previous, frame)
         if previous is None or status != EgoStatus.OK:
             self._filter.reset()
-            self._in_space.reset()
+            self._relative_pose.reset()
             return no_estimate(status, frame.stamp_ns, frame.stamp_ns)
         prior = self._gyro.between(previous, frame, self.camera)
         measured = self._method.measure(previous, frame, None if prior is None else prior.matrix)
@@ -86,9 +86,9 @@ class EgoMotionStage:
 
     def _camera_motion(self, measured: EgoMotionMeasurement, frame: PreparedFrame) -> RelativePose | None:
         if measured.earlier is None or measured.current is None:
-            self._in_space.reset()
+            self._relative_pose.reset()
             return None
-        return self._in_space.estimate(measured.earlier, measured.current, frame.width, frame.height, self.camera)
+        return self._relative_pose.estimate(measured.earlier, measured.current, frame.width, frame.height, self.camera)
 
     def _smoothed(self, fit: MotionFit, previous: PreparedFrame, frame: PreparedFrame) -> EgoMotion:
         """The affine part filtered; the perspective part of the warp as measured."""

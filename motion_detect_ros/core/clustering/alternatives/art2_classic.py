@@ -35,14 +35,14 @@ ORDER_SEED = 0
 
 @dataclass(frozen=True)
 class Settled:
-    """``vectors``: (N, D) inputs; ``u``: (N, D) F1's output; ``still``: 1 background, 0 not, NaN unknown.
+    """``vectors``: (N, D) inputs; ``u``: (N, D) F1's output; ``background_match``: 1 background, 0 not, NaN unknown.
 
     ``order``: rows of all that is not background, in an order that depends on the vectors' values only.
     """
 
     vectors: FloatArray
     u: FloatArray
-    still: DoubleArray
+    background_match: DoubleArray
     order: npt.NDArray[np.int64]
 
 
@@ -60,19 +60,20 @@ class Art2Classic(Art2Network[Settled]):
         length = np.linalg.norm(vectors, axis=1)
         u = _settled(vectors, self._constants)
         nothing = (length <= self._config.background_sigma) | ~u.any(axis=1)
-        still = np.where(nothing, 1.0, 0.0)
-        still[~np.isfinite(length)] = np.nan
-        return Settled(vectors, u, still, _fixed_order(vectors, np.flatnonzero(still == 0.0)))
+        background_match = np.where(nothing, 1.0, 0.0)
+        background_match[~np.isfinite(length)] = np.nan
+        return Settled(vectors, u, background_match, _fixed_order(vectors, np.flatnonzero(background_match == 0.0)))
 
     def _compete(self, f1: Settled, labels: LabelArray, match: FloatArray) -> int:
-        return int(_compete(f1.u, f1.still, self.prototypes, self._constants, self._config.vigilance, labels, match))
+        return int(_compete(
+            f1.u, f1.background_match, self.prototypes, self._constants, self._config.vigilance, labels, match))
 
     def _grow(self, f1: Settled, labels: LabelArray, match: FloatArray) -> None:
         super()._grow(f1, labels, match)
         self._compete(f1, labels, match)
 
     def _compete_new(self, f1: Settled, labels: LabelArray, match: FloatArray) -> None:
-        _match_new(f1.u, f1.still, self.prototypes, self._constants, match)
+        _match_new(f1.u, f1.background_match, self.prototypes, self._constants, match)
 
     def _commitment(self, f1: Settled, index: int) -> FloatArray:
         return commitment(f1.u[index], self._constants)
@@ -110,13 +111,13 @@ def _settled(vectors, k):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _compete(u, still, prototypes, k, vigilance, labels, match):  # type: ignore[no-untyped-def]
+def _compete(u, background_match, prototypes, k, vigilance, labels, match):  # type: ignore[no-untyped-def]
     """Recall: the neuron that resonates, else the nearest; returns how many labels changed."""
     changed = 0
     f1, reset = np.zeros((6, u.shape[1]), np.float32), np.zeros(prototypes.shape[0], np.bool_)
     for i in range(u.shape[0]):
-        best, best_match = (0, still[i]) if still[i] > 0.0 else (-1, 0.0)
-        if still[i] == 0.0:
+        best, best_match = (0, background_match[i]) if background_match[i] > 0.0 else (-1, 0.0)
+        if background_match[i] == 0.0:
             f1[U] = u[i]
             winner, best_match, nearest = search(prototypes, k, vigilance, reset, f1)
             best = max(0, winner if winner != NO_NEURON else nearest)
@@ -127,12 +128,12 @@ def _compete(u, still, prototypes, k, vigilance, labels, match):  # type: ignore
 
 
 @numba.njit(cache=True, nogil=True)
-def _match_new(u, still, prototypes, k, match):  # type: ignore[no-untyped-def]
+def _match_new(u, background_match, prototypes, k, match):  # type: ignore[no-untyped-def]
     """``match`` after the newest neuron was committed."""
     new = prototypes.shape[0] - 1
     f1 = np.zeros((6, u.shape[1]), np.float32)
     for i in range(u.shape[0]):
-        if still[i] == 0.0:
+        if background_match[i] == 0.0:
             f1[U] = u[i]
             layer_p(prototypes, new, k, f1)
             match[i] = max(match[i], reset_match(k, f1))
