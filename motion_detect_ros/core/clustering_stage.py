@@ -66,7 +66,8 @@ class ClusteringStage:
         """
         last, self._last = self._last, frame
         if ego.status in STARTS_ANEW or (last is not None and _unlike(last, frame)):
-            self._tracker.reset()
+            for part in (self._scene, self._detector, self._tracker):
+                part.reset()
         elif last is not None and last.stamp_ns < ego.prev_stamp_ns:
             self._tracker.coast_without_frame((ego.prev_stamp_ns - last.stamp_ns) / NANOSECONDS, frame.width)
         if reference is None:

@@ -52,15 +52,15 @@ class MotionPipeline:
         frame = self._preprocessor.process(image, stamp_ns)
         prepared = perf_counter()
         ego = self._ego_motion.process(frame)
-        stabilised = perf_counter()
+        ego_done = perf_counter()
         reference = self._history.step(frame, ego)
         flow = self._optical_flow.process(frame, ego, reference)
         flowed = perf_counter()
         detections = self._clustering.process(frame, ego, reference, flow)
         done = perf_counter()
         return Result(stamp_ns, ego, flow, detections, StageTimes(
-            1e3 * (prepared - start), 1e3 * (stabilised - prepared),
-            1e3 * (flowed - stabilised), 1e3 * (done - flowed)))
+            1e3 * (prepared - start), 1e3 * (ego_done - prepared),
+            1e3 * (flowed - ego_done), 1e3 * (done - flowed)))
 
     def add_gyro(self, stamp_ns: int, rate: DoubleArray) -> None:
         """An angular rate, (3,) rad/s in the IMU's frame, in order of time: see ``EgoMotionStage.add_gyro``."""

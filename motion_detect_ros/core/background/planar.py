@@ -83,7 +83,7 @@ def fit_background(residual: FloatArray, config: BackgroundConfig, magnitude: Fl
     valid = np.flatnonzero(np.isfinite(residual[..., 0]))
     if valid.size < MIN_CELLS:
         return Background(np.zeros_like(residual), np.full((rows, columns), np.inf, np.float32))
-    used = valid[::max(1, valid.size // MAX_SAMPLES)]
+    used = valid[::-(-valid.size // MAX_SAMPLES)]
     x, y = np.linspace(-1.0, 1.0, columns), np.linspace(-1.0, 1.0, rows)
     across, down = x[used % columns], y[used // columns]
     design = np.stack([np.ones_like(across), across, down, across * across, across * down, down * down])

@@ -105,18 +105,17 @@ def _median_motion(residual, rows, columns):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _object_motion(residual, flow, sigma_px, top, bottom, left, right):  # type: ignore[no-untyped-def]
-    """(2,) median of the faster half of the known cells of a window, their share, and the median noise."""
+    """(2,) median of the faster half of the known cells of a window, their share, and their median noise."""
     area = (bottom - top) * (right - left)
     object_flow = np.empty((2, area), np.float32)
     length, noise = np.empty(area, np.float32), np.empty(area, np.float32)
-    count = cell = 0
+    count = 0
     for r in range(top, bottom):
         for c in range(left, right):
-            noise[cell] = sigma_px[r, c]
-            cell += 1
             x, y = residual[r, c, 0] - flow[r, c, 0], residual[r, c, 1] - flow[r, c, 1]
             if np.isfinite(x):
                 object_flow[0, count], object_flow[1, count], length[count] = x, y, np.hypot(x, y)
+                noise[count] = sigma_px[r, c]
                 count += 1
     motion = np.zeros(2, np.float32)
     if count == 0:
@@ -128,7 +127,7 @@ def _object_motion(residual, flow, sigma_px, top, bottom, left, right):  # type:
             object_flow[0, fast], object_flow[1, fast] = object_flow[0, n], object_flow[1, n]
             fast += 1
     motion[0], motion[1] = median(object_flow[0, :fast]), median(object_flow[1, :fast])
-    return motion, count / area, float(median(noise))
+    return motion, count / area, float(median(noise[:count]))
 
 
 @numba.njit(cache=True, nogil=True)

@@ -10,7 +10,7 @@ from motion_detect_ros.core.ego_motion.measurement import MIN_TRACKS, EgoMotionM
 from motion_detect_ros.core.ego_motion.point_tracking import track_close, track_points
 from motion_detect_ros.core.ego_motion.robust_fit import MotionFit, fit_motion
 from motion_detect_ros.core.geometry.motion_models import model_family, theta_matrix
-from motion_detect_ros.core.geometry.warp import apply, at_scale, stabilise
+from motion_detect_ros.core.geometry.warp import apply, at_full_resolution, at_scale, stabilise
 from motion_detect_ros.core.types import DoubleArray, EgoStatus, FloatArray, PreparedFrame
 
 #: Change of the linear part from which a patch of the size of the tracking window is visibly deformed.
@@ -37,7 +37,7 @@ class IndirectMethod:
         if len(points) < MIN_TRACKS:
             return EgoMotionMeasurement(None, EgoStatus.LOW_TEXTURE, len(points))
         moved, good = track_points(previous.gray, frame.gray, points, config, at_work)
-        earlier, later = points[good] / np.float32(frame.scale), moved[good] / np.float32(frame.scale)
+        earlier, later = at_full_resolution(points[good], frame.scale), at_full_resolution(moved[good], frame.scale)
         if len(earlier) < MIN_TRACKS:
             return EgoMotionMeasurement(None, EgoStatus.LOW_TEXTURE, len(earlier))
         fit = self._fit(earlier, later, frame)
@@ -66,4 +66,5 @@ class IndirectMethod:
         moved, good = track_close(warped, frame.gray, start[seen], self._config, np.eye(3))
         if good.sum() < MIN_TRACKS:
             return None
-        return self._fit(points[seen][good] / np.float32(frame.scale), moved[good] / np.float32(frame.scale), frame)
+        return self._fit(
+            at_full_resolution(points[seen][good], frame.scale), at_full_resolution(moved[good], frame.scale), frame)

@@ -99,7 +99,7 @@ def estimate_pose(
     (Nister 2004; Barath et al. 2020).
     """
     used = np.flatnonzero(known)
-    used = used[::max(1, used.size // MAX_SAMPLES)]
+    used = used[::max(1, -(-used.size // MAX_SAMPLES))]
     q, p = earlier.reshape(-1, 2)[used], current.reshape(-1, 2)[used]
     if len(q) < MIN_SAMPLES:
         return None

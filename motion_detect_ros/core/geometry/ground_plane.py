@@ -40,7 +40,7 @@ def fit_ground(points: DoubleArray, inverse_depth: DoubleArray, sigma: DoubleArr
 
     points: (N, 2) normalised, of the lower half of the image; inverse_depth, sigma: (N,), sigma one deviation.
     """
-    step = max(1, len(points) // MAX_POINTS)
+    step = max(1, -(-len(points) // MAX_POINTS))
     design = np.column_stack([points[::step], np.ones(len(points[::step]))])
     target, sigma = inverse_depth[::step], sigma[::step]
     if len(target) < MIN_POINTS:

@@ -21,6 +21,12 @@ def at_scale(matrix: DoubleArray, scale: float) -> DoubleArray:
     return scaled
 
 
+def at_full_resolution(points: FloatArray, scale: float) -> FloatArray:
+    """(N, 2) float32 pixels of an image shrunk by ``scale`` as full-resolution pixels; centres at whole numbers."""
+    full: FloatArray = (points + np.float32(0.5)) / np.float32(scale) - np.float32(0.5)
+    return full
+
+
 def stabilise(earlier: ByteArray, matrix: DoubleArray) -> ByteArray:
     """``earlier``, (h, w) uint8, warped onto the later frame; border pixels are replicated.
 

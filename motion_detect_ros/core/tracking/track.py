@@ -16,6 +16,10 @@ from motion_detect_ros.core.types import DoubleArray
 CENTRE_SHARE = 0.12
 ACCELERATION_SHARE = 2.0
 MIN_CENTRE_PX = 1.0
+#: Variance of the velocity, 1/s^2 of that of the centre: of a first detection, and of every later one (flow leaks).
+FIRST_VELOCITY_RATIO, VELOCITY_RATIO = 16.0, 36.0
+#: The process noise of small objects is that of this size at least, pixels.
+MIN_ACCELERATION_PX = 8.0
 #: Time constant of the log odds, seconds; log odds of a miss; their maximum; and the frame period of weight 1, seconds:
 #: longer periods have a larger weight, so that the sum does not depend on the frame rate.
 LOG_ODDS_MEMORY_S = 0.18
@@ -49,9 +53,9 @@ class Spread:
     def add(self, innovation: DoubleArray, covariance: DoubleArray) -> None:
         """One update of the filter. innovation: (4,); covariance: (4, 4), what the filter expected of it."""
         normalised = float(innovation @ np.linalg.solve(covariance, innovation)) / len(innovation)
-        kept = KEPT_SPREAD * self._weight
-        self._scale = (kept * self._scale + normalised) / (kept + 1.0)
-        self._weight = kept + 1.0
+        before = KEPT_SPREAD * self._weight
+        self._scale = (before * self._scale + normalised) / (before + 1.0)
+        self._weight = before + 1.0
         self._lag = KEPT_LAG * self._lag + (1.0 - KEPT_LAG) * innovation[2:]
         self._lag_weight = KEPT_LAG * self._lag_weight + 1.0 - KEPT_LAG
 
@@ -68,13 +72,13 @@ class Track:
     Constant velocity with white acceleration: Bar-Shalom et al. 2001, section 6.3.2.
     """
 
-    def __init__(self, number: int, seen: Candidate, dt_s: float, window_s: float) -> None:
+    def __init__(self, seen: Candidate, dt_s: float, window_s: float) -> None:
         """dt_s: period of the frame it was seen in; window_s: of ``detected``; seconds."""
-        self.number = number
         self.id = 0
         self.state: DoubleArray = np.r_[seen.centre, seen.velocity_px_s]
         noise = self._noise(seen.size)
-        self.covariance: DoubleArray = np.diag(np.r_[noise, noise, 16.0 * noise, 16.0 * noise])
+        velocity_noise = FIRST_VELOCITY_RATIO * noise
+        self.covariance: DoubleArray = np.diag(np.r_[noise, noise, velocity_noise, velocity_noise])
         self.size = seen.size
         self.seen = seen
         self.age = 1
@@ -101,7 +105,7 @@ class Track:
 
     def inside(self, width: int, height: int) -> bool:
         """Whether the centre is on an image of ``width`` x ``height`` pixels."""
-        return bool(0.0 <= self.state[0] <= width - 1 and 0.0 <= self.state[1] <= height - 1)
+        return bool(0.0 <= self.state[0] <= width and 0.0 <= self.state[1] <= height)
 
     def visible(self, width: int, height: int) -> tuple[DoubleArray, DoubleArray]:
         """Centre and size of the part of the box that is on the image, (2,) each; edges at pixel borders."""
@@ -125,7 +129,7 @@ class Track:
         self.size = self.size * scale
         step = np.eye(4)
         step[0, 2] = step[1, 3] = dt_s
-        acceleration = ACCELERATION_SHARE * max(8.0, float(np.sqrt(self.size[0] * self.size[1])))
+        acceleration = ACCELERATION_SHARE * max(MIN_ACCELERATION_PX, float(np.sqrt(self.size[0] * self.size[1])))
         ramp = np.array([[dt_s ** 2 / 2.0, 0.0], [0.0, dt_s ** 2 / 2.0], [dt_s, 0.0], [0.0, dt_s]]) * acceleration
         self.covariance = step @ self.covariance @ step.T + ramp @ ramp.T
 
@@ -138,7 +142,7 @@ class Track:
     def update(self, seen: Candidate, dt_s: float) -> None:
         """Correct with a detection's centre and flow velocity (Kalman 1960); sizes are averaged, log odds add up."""
         position = self._noise(self.size)
-        noise = np.diag([position, position, 36.0 * position, 36.0 * position])
+        noise = np.diag([position, position, VELOCITY_RATIO * position, VELOCITY_RATIO * position])
         expected = self.covariance + noise
         innovation = np.concatenate([seen.centre, seen.velocity_px_s]) - self.state
         self._spread.add(innovation, expected)
@@ -146,7 +150,7 @@ class Track:
         self.state = self.state + gain @ innovation
         self.covariance = self.covariance - gain @ self.covariance
         self.size = self.size + SIZE_GAIN * (seen.size - self.size)
-        self._add_log_odds(seen.log_odds, dt_s)
+        self._add_log_odds(seen.log_odds, _weight(dt_s), dt_s)
         self.approach.update(seen.growth)
         self.seen = seen
         self.coasted_s, self.coasted_frames = 0.0, 0
@@ -156,8 +160,7 @@ class Track:
 
     def coast_missed(self, dt_s: float) -> None:
         """A frame without a detection of the object."""
-        once_at_most = min(1.0, 1.0 / _weight(dt_s))  # it is one observation, however long the frame's period
-        self._add_log_odds(once_at_most * MISS_LOG_ODDS, dt_s)
+        self._add_log_odds(MISS_LOG_ODDS, min(1.0, _weight(dt_s)), dt_s)  # one miss, however long the period
         self._coast(dt_s)
 
     def coast_recognised(self, centre: DoubleArray, dt_s: float, appearance_hold_s: float) -> None:
@@ -177,16 +180,16 @@ class Track:
 
     def coast_unobserved(self, dt_s: float) -> None:
         """A frame in which detection was impossible: the log odds decay, nothing is added."""
-        self._add_log_odds(0.0, dt_s)
+        self._add_log_odds(0.0, 0.0, dt_s)
         self._coast(dt_s)
 
     def _coast(self, dt_s: float) -> None:
         self.coasted_s += dt_s
         self.coasted_frames += 1
 
-    def _add_log_odds(self, log_odds: float, dt_s: float) -> None:
+    def _add_log_odds(self, log_odds: float, weight: float, dt_s: float) -> None:
         before = kept(dt_s, LOG_ODDS_MEMORY_S) * self.log_odds
-        self.log_odds = min(MAX_LOG_ODDS, before + _weight(dt_s) * log_odds)
+        self.log_odds = min(MAX_LOG_ODDS, before + weight * log_odds)
 
 
 def _weight(dt_s: float) -> float:

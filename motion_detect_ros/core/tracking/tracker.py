@@ -20,6 +20,9 @@ from motion_detect_ros.core.types import ByteArray, DoubleArray, RecordArray, em
 
 #: Cost of a pair outside of the gate.
 FORBIDDEN = 1e6
+#: A detection is looked for within this share of both sizes, and so many pixels, of the prediction; its area may differ
+#: by this factor's logarithm (e^1.6 = 5), which costs this share of the gate.
+GATE_SHARE, GATE_PX, MAX_LOG_AREA_RATIO, AREA_WEIGHT = 0.3, 3.0, 1.6, 0.25
 #: Least deviation of the unknown motion of the image, image widths per second.
 CAMERA_WIDTHS_PER_S = 0.25
 #: Time constant of the camera's speed, seconds.
@@ -36,7 +39,6 @@ class Tracker:
     def __init__(self, config: TracksConfig) -> None:
         self._config = config
         self._tracks: list[Track] = []
-        self._started = 0
         self._confirmed = 0
         self._camera_px_s = 0.0
         self._learn = APPEARANCE_MODELS.get(config.appearance) if config.appearance_hold_s > 0.0 else None
@@ -70,8 +72,7 @@ class Tracker:
         taken = set(pairs.values())
         for index, seen in enumerate(candidates):
             if index not in taken:
-                self._started += 1
-                self._tracks.append(Track(self._started, seen, dt_s, self._config.confirm_window_s))
+                self._tracks.append(Track(seen, dt_s, self._config.confirm_window_s))
         self._confirm()
         self._drop_ended(width, height)
         return self._report(width, height)
@@ -86,8 +87,10 @@ class Tracker:
         else:
             self._predict(matrix, dt_s, width, height)
         for track in self._tracks:
-            track.age += matrix is None
-            track.coast_unobserved(dt_s)
+            if matrix is None:
+                track.age += 1
+            else:
+                track.coast_unobserved(dt_s)
             track.detected.add(dt_s, False)
         self._drop_ended(width, height)
 
@@ -96,6 +99,7 @@ class Tracker:
         camera_px = max(self._camera_px_s, CAMERA_WIDTHS_PER_S * width) * dt_s
         for track in self._tracks:
             track.predict_without_ego_motion(camera_px, dt_s)
+            track.coast_unobserved(dt_s)
 
     def _remember(self, track: Track, gray: ByteArray | None, width: int) -> None:
         """Learn an object's appearance while its box shows the whole object."""
@@ -144,11 +148,12 @@ class Tracker:
         sizes = np.array([track.size for track in self._tracks])
         gate_inflation_px = np.array([track.gate_inflation_px for track in self._tracks])
         seen_places, seen_sizes = np.array([seen.centre for seen in candidates]), np.array([s.size for s in candidates])
-        reach = 0.3 * (sizes[:, None] + seen_sizes) + 3.0 + GATE_INFLATION_DEVIATIONS * gate_inflation_px[:, None, None]
+        reach = GATE_SHARE * (sizes[:, None] + seen_sizes) + GATE_PX
+        reach += GATE_INFLATION_DEVIATIONS * gate_inflation_px[:, None, None]
         offset = (seen_places - places[:, None]) / reach
         distance = np.hypot(offset[..., 0], offset[..., 1])
         ratio = np.abs(np.log(seen_sizes.prod(axis=1) / sizes.prod(axis=1)[:, None]))
-        return np.where((distance < 1.0) & (ratio < 1.6), distance + 0.25 * ratio, FORBIDDEN)
+        return np.where((distance < 1.0) & (ratio < MAX_LOG_AREA_RATIO), distance + AREA_WEIGHT * ratio, FORBIDDEN)
 
     def _confirm(self) -> None:
         for track in self._tracks:
