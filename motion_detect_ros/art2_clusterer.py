@@ -29,8 +29,9 @@ _DEFAULTS = Art2Config()
 class Art2Clusterer(ClusterMixin, BaseEstimator):  # type: ignore[misc, unused-ignore]
     """Estimator over (N, D) arrays of vectors whose noise has standard deviation 1.
 
-    Parameters: those of ``Art2Config``; wrong ones are found by ``fit``. Data scaled to standard deviation 1 need a
-    vigilance of about 0.6: at the default all of them are within the noise, hence background.
+    Parameters: those of ``Art2Config`` but ``features``, as the vectors are given; wrong ones are found by ``fit``.
+    Data scaled to standard deviation 1 need a vigilance of about 0.6: at the default all of them are within the noise,
+    hence background.
     After ``fit`` or ``partial_fit``: ``labels_`` (N,) int32 of the last vectors, 0 = background, -1 = not finite;
     ``cluster_centers_`` (K, D) float32, row 0 the background; ``names_`` (K,) uint32, stable from one
     ``partial_fit`` to the next; ``n_features_in_`` = D.
@@ -126,6 +127,7 @@ class Art2Clusterer(ClusterMixin, BaseEstimator):  # type: ignore[misc, unused-i
 
     def _config(self) -> Art2Config:
         """Searches over parameters set numpy's numbers; settings are Python's."""
-        values = {field.name: getattr(self, field.name) for field in dataclasses.fields(Art2Config)}
+        values = {field.name: getattr(self, field.name) for field in dataclasses.fields(Art2Config)
+                  if field.name != 'features'}
         return with_settings(Art2Config(), {
             name: value.item() if isinstance(value, np.generic) else value for name, value in values.items()})

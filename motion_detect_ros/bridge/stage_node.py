@@ -91,6 +91,7 @@ class StageNode(ManagedNode):
     def begin(self) -> None:
         """Subscribe."""
         self._decimation.reset()
+        self._decoder = ImageDecoder()
         # A stage that joins what another made of each image needs neighbours; the first one may jump.
         self._worker = Worker(self._guarded, self._queue_size, self.stats.count_dropped, jumps=not self.inputs)
         quality = image_qos(self._reliability, SUBSCRIPTION_DEPTH)

@@ -76,7 +76,7 @@ def read_boxes(path: Path) -> dict[int, DoubleArray]:
 
 
 def replayed_frames(detections: Path) -> int:
-    """Frames of the replay that wrote ``detections``, unreadable ones included; 0 where it left no summary there.
+    """Frames of the source that ``detections`` are of, unreadable and left-out ones included; 0 without a summary.
 
     Raises: SourceError where the summary has no count.
     """
@@ -85,10 +85,10 @@ def replayed_frames(detections: Path) -> int:
         return 0
     try:
         summary = json.loads(path.read_text(encoding='utf-8'))
-        return operator.index(summary['frames']) + operator.index(summary['bad_frames'])
+        return operator.index(summary['source_frames'])
     except (OSError, ValueError, KeyError, TypeError) as error:
         found = f'{type(error).__name__} {error}'
-        raise SourceError(f'{path}: expected counts frames and bad_frames, got {found}') from None
+        raise SourceError(f'{path}: expected the count source_frames, got {found}') from None
 
 
 def evaluate(

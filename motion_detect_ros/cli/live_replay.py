@@ -78,7 +78,8 @@ def _write_summary(folder: Path, bag: Path, images: int, playback: Playback) -> 
     detections = [message.records for message in playback.received]
     summary = {
         'input': str(bag), 'version': motion_detect_ros.__version__, 'live': True, 'frames': images,
-        'answered': len(playback.received), 'detections': sum(len(records) for records in detections),
+        'source_frames': images, 'answered': len(playback.received),
+        'detections': sum(len(records) for records in detections),
         'objects': len({int(number) for records in detections for number in records['id']}),
         'latency_ms': {'p50': round(median, 3), 'p95': round(p95, 3), 'p99': round(p99, 3)}}
     (folder / SUMMARY_NAME).write_text(json.dumps(summary, indent=2) + '\n', encoding='utf-8')

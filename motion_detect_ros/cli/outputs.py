@@ -39,7 +39,10 @@ class Percentiles:
 
 @dataclass(frozen=True)
 class Summary:
-    """One input's replay in numbers; the fields are those of summary.json."""
+    """One input's replay in numbers; the fields are those of summary.json.
+
+    ``frames``: processed; ``source_frames``: of the source, those left out and unreadable ones included.
+    """
 
     input: str
     version: str
@@ -48,6 +51,7 @@ class Summary:
     announced_frames: int | None
     frames: int
     bad_frames: int
+    source_frames: int
     detections: int
     objects: int
     ego_status: dict[str, int]
@@ -66,6 +70,7 @@ class Tally:
 
     frames: int = 0
     bad_frames: int = 0
+    source_frames: int = 0
     detections: int = 0
     ids: set[int] = field(default_factory=set)
     ego_status: Counter[str] = field(default_factory=Counter)

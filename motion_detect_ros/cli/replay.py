@@ -202,6 +202,7 @@ def _timed(source: FrameSource, tally: Tally) -> Iterator[SourceFrame]:
     start = perf_counter()
     for frame in source:
         tally.decode_ms.append(1e3 * (perf_counter() - start))
+        tally.source_frames = max(tally.source_frames, frame.index + 1)
         yield frame
         start = perf_counter()
 
@@ -218,6 +219,7 @@ def _summarize(job: Job, source: FrameSource, tally: Tally, complete: bool) -> S
     return Summary(
         input=str(job.path), version=motion_detect_ros.__version__, complete=complete, damaged=source.damaged,
         announced_frames=source.frame_count, frames=tally.frames, bad_frames=tally.bad_frames + source.bad_frames,
+        source_frames=tally.source_frames,
         detections=tally.detections, objects=len(tally.ids), ego_status=dict(tally.ego_status),
         image_size=tally.image_size, calibrated=source.camera is not None, first_stamp_ns=stamps[0],
         last_stamp_ns=stamps[-1], stage_ms=tally.stage_ms(), decode_ms=Percentiles.of(tally.decode_ms),

@@ -62,7 +62,8 @@ class McapFile:
         Nothing is read where the summary says that there are none of ``topics``.
         """
         self._bad_chunks = 0
-        if topics is not None and self._statistics and not any(t.count and t.name in topics for t in self.topics):
+        summary = self._summary_topics() if topics is not None else ()
+        if summary and not any(topic.count and topic.name in topics for topic in summary):  # type: ignore[operator]
             return
         with self._path.open('rb') as stream:
             for record in self._records(StreamReader(stream, emit_chunks=True)):
@@ -128,6 +129,8 @@ class McapFile:
         if self._statistics is None:
             return ()
         counts = self._statistics.channel_message_counts
+        if self._statistics.message_count and not counts:  # allowed by the format: not available
+            return ()
         return _merge((channel.topic, self._msgtype(channel), counts.get(number, 0))
                       for number, channel in self._channels.items())
 

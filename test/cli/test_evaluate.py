@@ -65,7 +65,7 @@ def test_boxes_after_the_last_truth_are_false(
     score = result['moving@0.5']
     assert result['frames'] == 3
     assert (score['true_positives'], score['false_positives'], score['gt']) == (1, 2, 1)  # type: ignore[index]
-    (tmp_path / 'summary.json').write_text('{"frames": 28, "bad_frames": 2}')  # of the replay: frames 0 to 29
+    (tmp_path / 'summary.json').write_text('{"frames": 28, "source_frames": 30}')  # of the replay: frames 0 to 29
     result = run_json(capsys, 'evaluate', str(found), '--truth', str(truth))
     assert (result['frames'], result['moving@0.5']['false_per_frame']) == (20, 0.1)  # type: ignore[index]
     result = run_json(capsys, 'evaluate', str(found), '--truth', str(truth), '--last-frame', '10')
@@ -88,14 +88,14 @@ def test_no_movers_at_all(found: Path, tmp_path: Path, capsys: pytest.CaptureFix
     assert (score['false_positives'], score['gt'], score['false_per_frame']) == (3, 0, 1.0)  # type: ignore[index]
 
 
-@pytest.mark.parametrize('text', ['{', '[]', '{"frames": "many", "bad_frames": 0}', '{"bad_frames": 0}'])
+@pytest.mark.parametrize('text', ['{', '[]', '{"source_frames": "many"}', '{"frames": 3}'])
 def test_summary_that_is_none(
     found: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str,
 ) -> None:
     (tmp_path / 'a.csv').write_text('frame,id,x,y,w,h,moving\n10,1,10,20,30,40,1\n')
     (tmp_path / 'summary.json').write_text(text)
     assert main(['evaluate', str(found), '--truth', str(tmp_path / 'a.csv')]) == 2
-    assert 'summary.json: expected counts frames and bad_frames' in capsys.readouterr().err
+    assert 'summary.json: expected the count source_frames' in capsys.readouterr().err
 
 
 def test_inspect_finds_rates_and_gaps(tmp_path: Path) -> None:

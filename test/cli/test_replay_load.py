@@ -23,4 +23,5 @@ def test_two_of_five(tmp_path):
         rows = list(csv.DictReader(file))
     assert rows
     assert {int(row['frame']) % 5 for row in rows} == {0, 1}
-    assert json.loads((tmp_path / 'out' / 'summary.json').read_text())['frames'] == 12
+    summary = json.loads((tmp_path / 'out' / 'summary.json').read_text())
+    assert (summary['frames'], summary['source_frames']) == (12, 30)

@@ -27,7 +27,7 @@ NOT_PRESENTED = -1
 #: Maximum number of learning passes over a frame; assignments settle after two to four.
 MAX_PASSES = 5
 #: Default frame period, and rounding tolerance of sums of periods, seconds.
-PERIOD_S, TIME_TOLERANCE_S = 0.04, 1e-6
+PERIOD_S = 0.04
 
 
 class VectorsError(MotionDetectError, ValueError):
@@ -91,7 +91,7 @@ class Art2Network(ABC, Generic[F1]):
         Raises: VectorsError for another shape, or another D than that of the committed neurons.
         """
         vectors = self._checked(vectors)
-        self._forget_idle()
+        self._forget_idle(dt_s)
         f1 = self._feed(vectors)
         labels = np.empty(len(vectors), np.int32)
         match = np.empty(len(vectors), np.float32)
@@ -185,8 +185,8 @@ class Art2Network(ABC, Generic[F1]):
             merged = True
         return merged
 
-    def _forget_idle(self) -> None:
-        keep = self._idle_s < self._config.forget_s - TIME_TOLERANCE_S
+    def _forget_idle(self, dt_s: float) -> None:
+        keep = self._idle_s < self._config.forget_s - 0.5 * dt_s  # to the nearest frame
         keep[0] = True
         self._keep(keep)
 

@@ -24,7 +24,7 @@ class Clusterer(Protocol):
         """Clear the state of earlier frames."""
 
     def partial_fit(self, vectors: FloatArray, dt_s: float) -> LabelArray:
-        """(N,) int32 index into ``prototypes`` (K, 2) for (N, 2) float32 vectors in noise units, -1 = not finite.
+        """(N,) int32 index into ``prototypes`` (K, 2) for (N, D) float32 vectors, -1 = not finite.
 
         dt_s: since the frame before, seconds.
         """

@@ -30,8 +30,10 @@ from motion_detect_ros.core.types import BoolArray, FloatArray
 WINDOW_CELLS = 7
 #: Derivatives are per cell, not per pixel: features are scaled by their deviation anyway.
 CELL = (1.0, 1.0)
-#: Least deviation of a feature, in its unit, against division by zero.
-MIN_DEVIATION = 1e-6
+#: Least deviation that a feature is taken to have, its own unit: about what motion of noise alone gives it, so that an
+#: image with less noise than that does not turn what is left into motion.
+NOISE_DEVIATION = {'magnitude': 1.0, 'angle': 0.5, 'divergence': 1.0, 'curl': 1.0, 'consistency': 0.4,
+                   'temporal_change': 1.0, 'hoof': 0.2, 'entropy': 0.7, 'coherence': 0.3}
 
 #: (motion (gh, gw, 2) in noise units, that of the frame before) -> (gh, gw) or (gh, gw, n).
 Feature = Callable[[FloatArray, FloatArray | None], FloatArray]
@@ -62,7 +64,7 @@ class FeatureVectors:
     """Computes the vectors of consecutive frames."""
 
     def __init__(self, config: Art2Config) -> None:
-        self._features = [FEATURES[name] for name in config.feature_names if name != 'motion']
+        self._names = [name for name in config.feature_names if name != 'motion']
         self._with_motion = 'motion' in config.feature_names
         self._previous: FloatArray | None = None
 
@@ -75,29 +77,29 @@ class FeatureVectors:
 
         motion: (gh, gw, 2) against the background, noise units, NaN = unknown.
         """
-        if not self._features:
+        if not self._names:
             return motion.reshape(-1, 2)
         previous, self._previous = self._previous, motion
         if previous is not None and previous.shape != motion.shape:
             previous = None
         known = np.isfinite(motion[..., 0]).reshape(-1)
-        further = np.concatenate([
-            feature(motion, previous).reshape(len(known), -1) for feature in self._features], axis=1)
-        scaled = _in_deviations(further, known) / np.float32(np.sqrt(further.shape[1]))
-        parts = [motion.reshape(-1, 2), scaled] if self._with_motion else [scaled]
+        blocks = [_in_deviations(FEATURES[name](motion, previous).reshape(len(known), -1), known, NOISE_DEVIATION[name])
+                  for name in self._names]
+        weighted = [block / np.float32(np.sqrt(block.shape[1] * len(blocks))) for block in blocks]
+        parts = [motion.reshape(-1, 2), *weighted] if self._with_motion else weighted
         vectors = np.concatenate(parts, axis=1).astype(np.float32)
         vectors[~known] = np.nan
         return vectors
 
 
-def _in_deviations(values: FloatArray, known: BoolArray) -> FloatArray:
+def _in_deviations(values: FloatArray, known: BoolArray, least: float) -> FloatArray:
     """(N, n) differences from the medians of the known rows, in deviations; 0 where a feature is not known."""
     if not known.any():
         return np.zeros_like(values)
     with np.errstate(all='ignore'):
-        counted = np.where(np.isfinite(values), values, np.nan)[known]
+        counted = np.where(np.isfinite(values), values, np.float32(np.nan))[known]
         counted = np.where(np.isfinite(counted).any(axis=0), counted, 0.0)  # e.g. no frame before
         middle = np.nanmedian(counted, axis=0)
-        deviation = np.maximum(MAD_TO_SIGMA * np.nanmedian(np.abs(counted - middle), axis=0), MIN_DEVIATION)
+        deviation = np.maximum(MAD_TO_SIGMA * np.nanmedian(np.abs(counted - middle), axis=0), least)
         scaled: FloatArray = np.nan_to_num((values - middle) / deviation, posinf=0.0, neginf=0.0)
     return scaled

@@ -8,7 +8,7 @@ from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.forgetting import kept
 from motion_detect_ros.core.geometry.bearings import PIXEL_CENTRE
 from motion_detect_ros.core.tracking.alternatives.appearance import Appearance
-from motion_detect_ros.core.tracking.detected_time import DetectedTime
+from motion_detect_ros.core.tracking.detected_time import TOLERANCE, DetectedTime
 from motion_detect_ros.core.tracking.time_to_contact import Approach
 from motion_detect_ros.core.types import DoubleArray
 
@@ -82,7 +82,7 @@ class Track:
         self.size = seen.size
         self.seen = seen
         self.age = 1
-        self.coasted_s, self.coasted_frames = 0.0, 0
+        self.coasted_s, self._coasted_frames = 0.0, 0
         self.detected = DetectedTime(window_s)
         self.detected.add(dt_s, True)
         self.log_odds = _weight(dt_s) * seen.log_odds
@@ -105,7 +105,7 @@ class Track:
 
     def inside(self, width: int, height: int) -> bool:
         """Whether the centre is on an image of ``width`` x ``height`` pixels."""
-        return bool(0.0 <= self.state[0] <= width and 0.0 <= self.state[1] <= height)
+        return bool(0.0 <= self.state[0] < width and 0.0 <= self.state[1] < height)
 
     def visible(self, width: int, height: int) -> tuple[DoubleArray, DoubleArray]:
         """Centre and size of the part of the box that is on the image, (2,) each; edges at pixel borders."""
@@ -153,7 +153,7 @@ class Track:
         self._add_log_odds(seen.log_odds, _weight(dt_s), dt_s)
         self.approach.update(seen.growth)
         self.seen = seen
-        self.coasted_s, self.coasted_frames = 0.0, 0
+        self.coasted_s, self._coasted_frames = 0.0, 0
         self.recognised_s = 0.0
         self._log_odds_seen = self.log_odds
         self.gate_inflation_px = 0.0
@@ -175,7 +175,7 @@ class Track:
         self.state[2:] *= kept(dt_s, REST_S)
         self.covariance = self.covariance - gain @ self.covariance[:2]
         self.log_odds = self._log_odds_seen * max(0.0, 1.0 - self.recognised_s / appearance_hold_s)
-        self.coasted_s, self.coasted_frames = 0.0, 0
+        self.coasted_s, self._coasted_frames = 0.0, 0
         self.gate_inflation_px = 0.0
 
     def coast_unobserved(self, dt_s: float) -> None:
@@ -183,9 +183,16 @@ class Track:
         self._add_log_odds(0.0, 0.0, dt_s)
         self._coast(dt_s)
 
+    def coasted_no_longer_than(self, seconds: float) -> bool:
+        """To the nearest frame; one frame is always allowed unless none is (0 s)."""
+        if not self._coasted_frames:
+            return True
+        period_s = self.coasted_s / self._coasted_frames
+        return seconds > 0.0 and (self._coasted_frames == 1 or self.coasted_s <= seconds + TOLERANCE * period_s)
+
     def _coast(self, dt_s: float) -> None:
         self.coasted_s += dt_s
-        self.coasted_frames += 1
+        self._coasted_frames += 1
 
     def _add_log_odds(self, log_odds: float, weight: float, dt_s: float) -> None:
         before = kept(dt_s, LOG_ODDS_MEMORY_S) * self.log_odds

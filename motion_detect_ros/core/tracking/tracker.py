@@ -14,7 +14,6 @@ from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.scoring import probability
 from motion_detect_ros.core.forgetting import kept
 from motion_detect_ros.core.tracking.alternatives.appearance import APPEARANCE_MODELS
-from motion_detect_ros.core.tracking.detected_time import TIME_TOLERANCE_S
 from motion_detect_ros.core.tracking.track import Track
 from motion_detect_ros.core.types import ByteArray, DoubleArray, RecordArray, empty_detections
 
@@ -89,8 +88,7 @@ class Tracker:
         for track in self._tracks:
             if matrix is None:
                 track.age += 1
-            else:
-                track.coast_unobserved(dt_s)
+            track.coast_unobserved(dt_s)
             track.detected.add(dt_s, False)
         self._drop_ended(width, height)
 
@@ -99,7 +97,6 @@ class Tracker:
         camera_px = max(self._camera_px_s, CAMERA_WIDTHS_PER_S * width) * dt_s
         for track in self._tracks:
             track.predict_without_ego_motion(camera_px, dt_s)
-            track.coast_unobserved(dt_s)
 
     def _remember(self, track: Track, gray: ByteArray | None, width: int) -> None:
         """Learn an object's appearance while its box shows the whole object."""
@@ -167,8 +164,7 @@ class Tracker:
 
     def _alive(self, track: Track) -> bool:
         if track.id:
-            return track.coasted_s <= self._config.coast_s + TIME_TOLERANCE_S or (
-                self._config.coast_s > 0.0 and track.coasted_frames <= 1)
+            return track.coasted_no_longer_than(self._config.coast_s)
         return not track.detected.missed_longer_than(self._config.confirm_window_s - self._config.confirm_s)
 
     def _report(self, width: int, height: int) -> RecordArray:

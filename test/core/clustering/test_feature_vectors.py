@@ -108,3 +108,14 @@ def test_the_reports_configuration_finds_a_large_mover() -> None:
         hits += any(np.hypot(each['u'] - middle[0], each['v'] - middle[1]) < 20.0 for each in found)
         last = frame.index
     assert hits >= 0.5 * last
+
+
+@pytest.mark.parametrize('features', ['magnitude, divergence, curl', ', '.join(FLOW_FEATURES)])
+def test_a_part_of_the_image_with_less_noise_than_the_rest_does_not_make_that_move(features: str) -> None:
+    """Two thirds without any noise: what is left of the other third is noise of deviation one, no motion."""
+    vectors = FeatureVectors(Art2Config(features=features))
+    field = np.random.default_rng(3).normal(0.0, 1.0, (ROWS, COLUMNS, 2)).astype(np.float32)
+    field[:27] = 0.0
+    vectors.of(field)
+    length = np.linalg.norm(vectors.of(field), axis=1)
+    assert np.quantile(length, 0.99) < 4.0
