@@ -19,7 +19,14 @@ VIDEO_SUFFIXES = frozenset({
     '.mjpg', '.mjpeg', '.h264', '.h265', '.hevc', '.y4m'})
 
 NANOSECONDS_PER_MS = 1_000_000
+_LOG_LEVEL_SILENT = 0  # of OpenCV; its name exists in newer versions only
 _QUIET = '-8'  # AV_LOG_QUIET: FFmpeg prints to stderr what we say ourselves in one line
+
+
+def silence_opencv() -> None:
+    """Switch OpenCV's log off: ``cv2.setLogLevel`` up to 4.6, ``cv2.utils.logging`` from then on."""
+    log = getattr(cv2.utils, 'logging', cv2)
+    log.setLogLevel(_LOG_LEVEL_SILENT)
 
 
 def open_capture(address: str | int, timeout_ms: int | None = None) -> cv2.VideoCapture:
@@ -29,7 +36,7 @@ def open_capture(address: str | int, timeout_ms: int | None = None) -> cv2.Video
     seconds, those of the first that is opened). Raises: SourceError where it does not open.
     """
     os.environ.setdefault('OPENCV_FFMPEG_LOGLEVEL', _QUIET)
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    silence_opencv()
     if timeout_ms is not None:
         os.environ.setdefault('OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT', str(max(1, timeout_ms // 1000)))
     if isinstance(address, int):

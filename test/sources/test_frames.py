@@ -121,6 +121,17 @@ def test_a_text_file_is_no_video(tmp_path: Path, capfd: pytest.CaptureFixture[st
     assert capfd.readouterr().err == ''
 
 
+def test_the_log_of_opencv_4_6_is_silenced_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """OpenCV 4.6, the version of Ubuntu 24.04, has no ``cv2.utils.logging``; 0 is its LOG_LEVEL_SILENT."""
+    levels: list[int] = []
+    monkeypatch.delattr(cv2.utils, 'logging', raising=False)
+    monkeypatch.setattr(cv2, 'setLogLevel', levels.append, raising=False)
+    (tmp_path / 'broken.mp4').write_bytes(b'no video')
+    with pytest.raises(SourceError, match='broken.mp4: cannot be opened as a video'):
+        open_source(tmp_path / 'broken.mp4')
+    assert levels == [0]
+
+
 @pytest.mark.parametrize('fps', [0.0, -1.0, float('nan')])
 def test_frame_rate_must_be_positive(tmp_path: Path, fps: float) -> None:
     with pytest.raises(SourceError, match='frame rate: expected a number over 0'):
