@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.srv import ChangeState
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
@@ -46,6 +47,7 @@ class ManagedNode(LifecycleNode):
         self._reports = self.create_publisher(DiagnosticArray, '/diagnostics', diagnostics_qos())
         self.every(DIAGNOSTICS_PERIOD_S, self.report)
         self.create_service(Trigger, '~/reset', self._on_reset)
+        refuse_impossible_transitions(self)
 
     def start(self) -> None:
         """Configure and activate, where ``autostart`` says so. Raises: SourceError where that fails."""
@@ -178,6 +180,29 @@ class ManagedNode(LifecycleNode):
         response.success = self._configured
         response.message = 'history cleared' if self._configured else 'expected a configured node, nothing to clear'
         return response
+
+
+def refuse_impossible_transitions(node: LifecycleNode) -> None:
+    """Make ``change_state`` answer ``success: false`` to a transition that the present state does not have.
+
+    rclpy 7.1 raises RCLError out of the service's callback there, which ends the process; the callback and the state
+    machine are attributes of its LifecycleNodeMixin.
+    """
+    service = node._service_change_state
+    change = service.callback
+
+    def checked(request: ChangeState.Request, response: ChangeState.Response) -> ChangeState.Response:
+        wanted = request.transition
+        possible = {number: label for number, label, *_ in node._state_machine.available_transitions}
+        if wanted.label in possible.values() if wanted.label else wanted.id in possible:
+            return change(request, response)
+        expected = ', '.join(f'{label} ({number})' for number, label in possible.items()) or 'none'
+        node.get_logger().warning(f'change_state refused: expected {expected} in state '
+                                  f'{node._state_machine.current_state[1]}, got {wanted.label or wanted.id}')
+        response.success = False
+        return response
+
+    service.callback = checked
 
 
 def reason_of(error: Exception) -> str:
