@@ -18,6 +18,9 @@ from motion_detect_ros.core.errors import MessageError
 
 ImageArray = npt.NDArray[Any]
 
+#: Two pixels share their colour.
+_PAIRED = frozenset({cv2.COLOR_YUV2BGR_UYVY, cv2.COLOR_YUV2BGR_YUY2})
+
 
 @dataclass(frozen=True)
 class Encoding:
@@ -124,9 +127,11 @@ def encoding_of(image: ImageArray) -> str:
 
 def _converted(pixels: ImageArray, code: int, encoding: str) -> npt.NDArray[np.uint8]:
     convert: Callable[[ImageArray, int], npt.NDArray[np.uint8]] = cv2.cvtColor
+    size = f'{pixels.shape[1]}x{pixels.shape[0]}'
+    if code in _PAIRED and pixels.shape[1] % 2:  # OpenCV 4.6 converts it, into rows that do not fit
+        raise MessageError(f'image of {size} pixels cannot be {encoding}: expected an even width')
     try:
         return convert(pixels, code)
     except cv2.error as error:
-        size = f'{pixels.shape[1]}x{pixels.shape[0]}'
         reason = str(error).strip().splitlines()[-1]
         raise MessageError(f'image of {size} pixels cannot be {encoding}: {reason}') from None

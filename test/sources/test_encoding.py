@@ -121,7 +121,8 @@ def test_contiguous_images_are_viewed_not_copied():
     ((2, 2, 'bgr8', False, 5, bytes(12)), 'step: expected at least 6 bytes for 2 pixels, got 5'),
     ((2, 2, 'bgr8', False, 6, bytes(11)), 'data: expected 12 bytes, got 11'),
     ((0, 2, 'bgr8', False, 6, b''), 'size: expected at least 1x1, got 2x0'),
-    ((2, 3, 'uyvy', False, 6, bytes(12)), 'cannot be uyvy'),
+    ((2, 3, 'uyvy', False, 6, bytes(12)), 'image of 3x2 pixels cannot be uyvy: expected an even width'),
+    ((2, 3, 'yuyv', False, 6, bytes(12)), 'image of 3x2 pixels cannot be yuyv: expected an even width'),
 ])
 def test_errors_say_expected_and_actual(arguments, words):
     with pytest.raises(MessageError, match=words):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -111,14 +113,24 @@ def test_wrong_folder_lists_what_is_there(tmp_path: Path) -> None:
         open_source(tmp_path)
 
 
-def test_a_text_file_is_no_video(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_text_file_is_no_video(tmp_path: Path) -> None:
     (tmp_path / 'notes.txt').write_text('no video\n' * 100)
     with pytest.raises(SourceError, match='notes.txt: neither a bag'):
         open_source(tmp_path / 'notes.txt')
     (tmp_path / 'notes.txt').rename(tmp_path / 'notes.mp4')
     with pytest.raises(SourceError, match='notes.mp4: cannot be opened as a video'):
         open_source(tmp_path / 'notes.mp4')
-    assert capfd.readouterr().err == ''
+
+
+def test_opencv_and_ffmpeg_are_quiet_about_it(tmp_path: Path) -> None:
+    """In a process of its own: FFmpeg's log level is fixed by the first video of a process, written ones included."""
+    (tmp_path / 'notes.mp4').write_text('no video\n' * 100)
+    code = f'from motion_detect_ros.sources.opening import open_source; open_source({str(tmp_path / "notes.mp4")!r})'
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    last = done.stderr.splitlines()[-1]
+    assert last.endswith('notes.mp4: cannot be opened as a video')
+    assert done.stderr.startswith('Traceback') and 'moov' not in done.stderr and '[ WARN' not in done.stderr
 
 
 def test_the_log_of_opencv_4_6_is_silenced_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
