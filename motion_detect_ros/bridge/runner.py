@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
+import os
 import signal
 import sys
+import threading
 from collections.abc import Callable
 from types import FrameType
 
@@ -16,30 +17,42 @@ from motion_detect_ros.allocator import tune_malloc
 from motion_detect_ros.bridge.managed_node import ManagedNode
 from motion_detect_ros.core.errors import MotionDetectError
 
-WRONG_USE = 2
+#: Exit codes.
+FORCED, WRONG_USE = 1, 2
+#: Ending takes as long as blocked threads are waited for, about 10 s; over this it is given up, seconds.
+ENDING_TIMEOUT_S = 20.0
+#: Ctrl-C on ros2 launch sends two: the terminal's to the whole process group, and launch's own.
+PATIENT_SIGNALS = 2
 
 
 class StopRequest:
-    """Notes the first SIGINT or SIGTERM instead of raising in the middle of whatever runs, be it a compiler.
+    """Notes SIGINT and SIGTERM instead of raising in the middle of whatever runs, be it a compiler or the end.
 
-    rclpy handles the signal first and ends its context, which ends the spinning. A second signal interrupts.
+    rclpy handles the signal first and ends its context, which ends the spinning. A second one changes nothing, a third
+    ends the process at once with code FORCED.
     """
 
     def __init__(self) -> None:
-        self.made = False
+        self._count = 0
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._note)
 
     def _note(self, _number: int, _frame: FrameType | None) -> None:
-        if self.made:
-            raise KeyboardInterrupt
-        self.made = True
+        self._count += 1
+        if self._count > PATIENT_SIGNALS:
+            os._exit(FORCED)
+
+    @property
+    def made(self) -> bool:
+        """Whether there was a signal."""
+        return self._count > 0
 
 
 def run(make_node: Callable[[], ManagedNode]) -> int:
     """Spins the node until it is finished or told to stop; returns the process's exit code.
 
-    0 after SIGINT or SIGTERM or a finished job, 2 with one line on stderr for wrong parameters or input.
+    0 after SIGINT or SIGTERM or a finished job, 2 with one line on stderr for wrong parameters or input. Ends the
+    process itself with code FORCED at a third signal, or where ending takes ENDING_TIMEOUT_S.
     """
     tune_malloc()
     stop = StopRequest()
@@ -54,7 +67,7 @@ def run(make_node: Callable[[], ManagedNode]) -> int:
         node.start()
         spin(executor, node.finished)
         return node.exit_code
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except ExternalShutdownException:
         return 0
     except Exception as error:
         if stop.made:
@@ -70,7 +83,12 @@ def run(make_node: Callable[[], ManagedNode]) -> int:
 def main_of(make_node: Callable[[], ManagedNode]) -> Callable[[], None]:
     """The console script of a node."""
     def main() -> None:
-        sys.exit(run(make_node))
+        code = run(make_node)
+        if any(thread.daemon for thread in threading.enumerate()):  # it would abort an interpreter that is going
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(code)
+        sys.exit(code)
     return main
 
 
@@ -90,10 +108,16 @@ def _complain(error: Exception) -> int:
 
 
 def _finish(node: ManagedNode | None) -> None:
-    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
+    limit = threading.Timer(ENDING_TIMEOUT_S, os._exit, (FORCED,))
+    limit.daemon = True
+    limit.start()
+    try:
         if node is not None:
             node.close()
             node.destroy_node()
         rclpy.try_shutdown()
-    for number in (signal.SIGINT, signal.SIGTERM):  # ended already: nothing is left to interrupt but Python's own end
-        signal.signal(number, signal.SIG_IGN)
+    finally:
+        for number in (signal.SIGINT, signal.SIGTERM):  # nothing is left to interrupt but Python's own end
+            signal.signal(number, signal.SIG_IGN)
+        limit.cancel()
+        limit.join()

@@ -1,8 +1,14 @@
-"""The loop that every node runs in."""
+"""The loop that every node runs in, and its end."""
 
 from __future__ import annotations
 
+import os
+import random
+import signal
+import subprocess
+import sys
 import threading
+import time
 
 import pytest
 
@@ -39,3 +45,114 @@ def test_spinning_leaves_nothing_behind_and_ends_at_once(monkeypatch: pytest.Mon
     node.destroy_node()
     rclpy.shutdown(context=context)
     assert (len(left), max(left)) == (TICKS, 1)
+
+
+#: A node whose thread is in and out of OpenCV, which gives the interpreter away, until some time after it is told to
+#: stop. It prints what it is at.
+BUSY_NODE = '''
+import sys, time
+import cv2, numpy as np
+from motion_detect_ros.bridge import runner
+from motion_detect_ros.bridge.managed_node import ManagedNode
+from motion_detect_ros.bridge.worker import Worker
+
+STAYS_S, HANGS_S, runner.ENDING_TIMEOUT_S = map(float, sys.argv[1:4])
+
+class Busy(ManagedNode):
+    def begin(self):
+        self.told_s = None
+        self.worker = Worker(self.work, 1, print)
+        self.worker.submit(0)
+        print('ready', flush=True)
+
+    def work(self, _):
+        image = np.zeros((200, 200), np.float32)
+        while self.told_s is None or time.monotonic() < self.told_s + STAYS_S:
+            cv2.blur(image, (15, 15))
+
+    def end(self):
+        self.told_s = time.monotonic()
+        print('ending', flush=True)
+        time.sleep(HANGS_S)
+        self.worker.stop(timeout_s=1.0)
+
+runner.main_of(lambda: Busy('busy'))()
+'''
+RUNS, AT_ONCE = 20, 5
+SHORT_S = 0.02
+SEED = 11
+
+
+def busy_node(stays_s: float = 0.3, hangs_s: float = 0.0, timeout_s: float = 30.0) -> subprocess.Popen[str]:
+    """``stays_s``: how long the thread goes on after it was told to stop; ``hangs_s``: how long stopping takes."""
+    return subprocess.Popen(
+        [sys.executable, '-c', BUSY_NODE, str(stays_s), str(hangs_s), str(timeout_s)], text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'})
+
+
+def await_line(process: subprocess.Popen[str], line: str) -> None:
+    assert next((each for each in process.stdout if each == f'{line}\n'), None), process.stderr.read()
+
+
+def end_of(process: subprocess.Popen[str]) -> tuple[int, str]:
+    """Exit code and what was printed on stderr; ends the process where it does not end."""
+    try:
+        _, errors = process.communicate(timeout=60.0)
+    finally:
+        process.kill()
+    return process.returncode, errors
+
+
+@pytest.mark.timeout(120)
+def test_two_signals_end_a_node_as_one_does():
+    """What a terminal and ros2 launch send on Ctrl-C: to the whole process group, and then again."""
+    chance = random.Random(SEED)
+    ends = []
+    for _ in range(RUNS // AT_ONCE):
+        processes = [busy_node() for _ in range(AT_ONCE)]
+        for process in processes:
+            await_line(process, 'ready')
+            process.send_signal(signal.SIGINT)
+            time.sleep(chance.uniform(0.0, SHORT_S))
+            process.send_signal(signal.SIGINT)
+        ends += [end_of(process) for process in processes]
+    assert ends == [(0, '')] * RUNS
+
+
+@pytest.mark.timeout(120)
+def test_a_second_signal_does_not_interrupt_the_end():
+    process = busy_node()
+    await_line(process, 'ready')
+    process.send_signal(signal.SIGINT)
+    await_line(process, 'ending')
+    process.send_signal(signal.SIGTERM)
+    assert end_of(process) == (0, '')
+
+
+@pytest.mark.timeout(120)
+def test_a_third_signal_forces_the_end():
+    process = busy_node(hangs_s=50.0)
+    await_line(process, 'ready')
+    process.send_signal(signal.SIGINT)
+    await_line(process, 'ending')
+    for number in (signal.SIGTERM, signal.SIGINT):  # two of a kind that wait would be one
+        process.send_signal(number)
+    assert end_of(process) == (1, '')
+
+
+@pytest.mark.timeout(120)
+def test_an_end_that_takes_too_long_is_forced():
+    process = busy_node(hangs_s=50.0, timeout_s=0.5)
+    await_line(process, 'ready')
+    process.send_signal(signal.SIGINT)
+    assert end_of(process) == (1, '')
+
+
+@pytest.mark.timeout(120)
+def test_a_thread_that_does_not_come_back_does_not_abort_the_process():
+    """Longer than its worker is waited for."""
+    process = busy_node(stays_s=3.0)
+    await_line(process, 'ready')
+    process.send_signal(signal.SIGINT)
+    assert end_of(process) == (0, '')
