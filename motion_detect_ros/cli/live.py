@@ -56,8 +56,8 @@ def own_domain() -> int:
 class LiveGraph:
     """Starts ``nodes`` as processes of their own; use as a context manager. Stops them by process id.
 
-    preset: name or path of a parameter file, given to every node; parameters: further ``name:=value`` for every node;
-    compressed: the nodes listen to JPEG or PNG images.
+    preset: name or path of a parameter file, given to every node; parameters: further ``name:=value`` for every node
+    and for the player; compressed: the nodes listen to JPEG or PNG images.
     Raises: SourceError where a node ends or does not come up in time.
     """
 
@@ -66,8 +66,8 @@ class LiveGraph:
         parameters: tuple[str, ...] = (), compressed: bool = False,
     ) -> None:
         self._params = ['--params-file', str(_params_file(preset)), '-p', f'compressed:={str(compressed).lower()}']
-        for parameter in parameters:
-            self._params += ['-p', parameter]
+        self._further = [word for parameter in parameters for word in ('-p', parameter)]
+        self._params += self._further
         self._nodes = nodes
         self._image_topic = COMPRESSED_TOPIC if compressed else IMAGE_TOPIC
         self._domain_id = own_domain() if domain_id is None else domain_id
@@ -109,6 +109,7 @@ class LiveGraph:
         played = topics or {topic: topic.lstrip('/') for topic in _topics(bag)}
         self.planner.expect(_clock_of_images(bag, played, self._image_topic))
         player = ['-p', f'bag:={bag}', '-p', f'rate:={float(rate)}', '-p', f'wait_for_subscribers:={len(self._nodes)}']
+        player += self._further
         if topics:
             player += ['-p', f'topics:={",".join(topics)}']
         for recorded, name in (topics or {}).items():

@@ -3,7 +3,7 @@
 Absolute times say little on a shared machine. Both sides take turns frame by frame here, and the median of the ratios
 is held against the one on record. After a change that is worth its price, record the new one:
 
-    python test/tools/test_bench_guard.py
+    python test/benchmarks/test_bench_guard.py
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.pipeline import MotionPipeline, warm_up
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.sources.synthetic import FlightConfig
+
+pytestmark = pytest.mark.timing
 
 RECORD = Path(__file__).with_name('bench_guard.json')
 FLIGHT = FlightConfig(width=640, height=360, frames=35)

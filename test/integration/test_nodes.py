@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
 import sys
-import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from peers import PATIENT, TIMEOUT_S, Peer, ready
+from sensor_msgs.msg import Image, PointCloud2
 
+from motion_detect_ros.bridge.images import header_of, image_to_msg, stamp_ns
 from motion_detect_ros.bridge.transport import environment
 from motion_detect_ros.cli.live import STAGES, LiveGraph, own_domain
 from motion_detect_ros.sources.bags import BagWriter
 from motion_detect_ros.sources.messages import IMAGE, header, make, serialize
 
 NODES = ('camera', 'ego_motion', 'optical_flow', 'art2_clustering', 'pipeline', 'overlay', 'bag_player')
-TIMEOUT_S = 60.0
 PERIOD_NS = 100_000_000
 
 
@@ -52,29 +56,70 @@ def node_process(node: str, *arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-@pytest.fixture
-def folder_of_images(tmp_path: Path) -> Path:
-    for index in range(30):
-        cv2.imwrite(str(tmp_path / f'{index:04d}.png'), scene(index))
-    return tmp_path
-
-
-@pytest.mark.parametrize('stop', [signal.SIGINT, signal.SIGTERM], ids=['SIGINT', 'SIGTERM'])
-@pytest.mark.parametrize('node', NODES)
-def test_clean_end_on_a_signal(node: str, stop: signal.Signals, tmp_path: Path, folder_of_images: Path):
-    arguments = {'camera': ['-p', f'source:={folder_of_images}', '-p', 'fps:=1.0'], 'bag_player': []}.get(node, [])
-    if node == 'bag_player':
-        write_scene(tmp_path / 'scene.mcap', 10)
-        arguments = ['-p', f'bag:={tmp_path / "scene.mcap"}', '-p', 'loop:=true']
+@contextlib.contextmanager
+def process_of(node: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """A node that must end cleanly."""
     process = node_process(node, *arguments)
     try:
-        time.sleep(4.0)
-        assert process.poll() is None, process.stderr.read()
-        process.send_signal(stop)
+        yield process
+        process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=TIMEOUT_S)
     finally:
         process.kill()
     assert process.returncode == 0, errors
+
+
+@contextlib.contextmanager
+def peer_here() -> Iterator[Peer]:
+    """With the transport profile that the package ships."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in {**environment(), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}.items():
+            patch.setenv(name, value)
+        peer = Peer(own_domain())
+        try:
+            yield peer
+        finally:
+            peer.close()
+
+
+@pytest.fixture(scope='module')
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
+    """What the nodes at the beginning of the graph read, as parameters."""
+    folder = tmp_path_factory.mktemp('inputs')
+    write_scene(folder / 'scene.mcap', 10)
+    images = folder / 'images'
+    images.mkdir()
+    for index in range(3):
+        cv2.imwrite(str(images / f'{index:04d}.png'), scene(index))
+    return {'camera': ['-p', f'source:={images}', '-p', 'fps:=0.01'],  # for minutes
+            'bag_player': ['-p', f'bag:={folder / "scene.mcap"}', '-p', 'loop:=true']}
+
+
+@pytest.fixture(scope='module', params=[signal.SIGINT, signal.SIGTERM], ids=['SIGINT', 'SIGTERM'])
+def working(request: pytest.FixtureRequest, inputs: dict[str, list[str]]):
+    """The signal, and every node as a process that works, each in a namespace of its own."""
+    with peer_here() as peer:
+        reports = peer.subscribe(DiagnosticArray, '/diagnostics')
+        running = {node: node_process(node, *inputs.get(node, []), '-r', f'__ns:=/{node}s') for node in NODES}
+
+        def active() -> set[str]:
+            return {status.name for report in reports for status in report.status if status.message != 'inactive'}
+
+        try:
+            assert peer.until(lambda: {f'/{node}s/{node}' for node in NODES} <= active()), active()
+            yield request.param, running
+        finally:
+            for process in running.values():
+                process.kill()
+
+
+@pytest.mark.parametrize('node', NODES)
+def test_clean_end_on_a_signal(node: str, working: tuple[signal.Signals, dict[str, subprocess.Popen[str]]]):
+    stop, running = working
+    assert running[node].poll() is None, running[node].stderr.read()
+    running[node].send_signal(stop)
+    _, errors = running[node].communicate(timeout=TIMEOUT_S)
+    assert running[node].returncode == 0, errors
     assert 'Traceback' not in errors
 
 
@@ -103,7 +148,7 @@ def test_a_malformed_image_costs_that_image_only(tmp_path: Path):
                 writer.write_raw('/image_raw', IMAGE, broken_image((index + 1) * PERIOD_NS), (index + 1) * PERIOD_NS)
             else:
                 writer.write_image(scene(index), (index + 1) * PERIOD_NS)
-    with LiveGraph('default', ('pipeline',)) as graph:
+    with LiveGraph('default', ('pipeline',), parameters=PATIENT) as graph:
         playback = graph.play(bag, 19)
         assert 'expected' in graph.output('pipeline')
     assert [m.stamp_ns // PERIOD_NS for m in playback.received] == [n for n in range(1, 21) if n != 13]
@@ -117,12 +162,28 @@ def broken_image(stamp: int) -> bytes:
         data=np.zeros(1000, np.uint8)))
 
 
-def test_300_large_images_between_processes_none_lost(tmp_path: Path):
-    """20 Hz, 960x540, by the shipped profile; the listener is a stage that answers every image it hears."""
+LARGE = (960, 540)
+CHEAP = ('preprocessing.max_width_px:=240',)
+
+
+def test_large_images_between_processes_all_arrive():
+    """By the shipped profile; the subscriber is a stage that answers every image, and gets the next one then."""
+    arguments = ['-p', CHEAP[0]]
+    with process_of('pipeline', *arguments), peer_here() as peer:
+        answers, publisher = peer.subscribe(PointCloud2, 'detections'), peer.advertise(Image, 'image_raw')
+        assert ready(peer, 'image_raw')
+        for index in range(100):
+            image = cv2.resize(scene(index % 40), LARGE)
+            publisher.publish(image_to_msg(image, header_of((index + 1) * PERIOD_NS, 'front')))
+            assert peer.until(lambda index=index: len(answers) > index), f'no answer to image {index}'
+    assert [stamp_ns(answer.header) for answer in answers] == [(index + 1) * PERIOD_NS for index in range(100)]
+
+
+@pytest.mark.timing
+def test_300_large_images_at_20_hz_none_lost(tmp_path: Path):
     bag = tmp_path / 'large.mcap'
-    write_scene(bag, 300, (960, 540), 50_000_000)
-    cheap = ('preprocessing.max_width_px:=240',)
-    with LiveGraph('default', ('pipeline',), parameters=cheap) as graph:
+    write_scene(bag, 300, LARGE, 50_000_000)
+    with LiveGraph('default', ('pipeline',), parameters=CHEAP) as graph:
         playback = graph.play(bag, 300)
     assert [m.stamp_ns for m in playback.received] == [(index + 1) * 50_000_000 for index in range(300)]
 
@@ -130,7 +191,7 @@ def test_300_large_images_between_processes_none_lost(tmp_path: Path):
 def test_stages_as_processes_find_the_moving_block(tmp_path: Path):
     bag = tmp_path / 'scene.mcap'
     write_scene(bag, 30)
-    with LiveGraph('default', STAGES) as graph:
+    with LiveGraph('default', STAGES, parameters=PATIENT) as graph:
         playback = graph.play(bag, 30)
     assert len(playback.received) == 30
     late = [message.records for message in playback.received[12:]]

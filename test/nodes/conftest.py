@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from peers import Peer
+from peers import TIMEOUT_S, Peer
 
 from motion_detect_ros.bridge.transport import environment
 from motion_detect_ros.cli.live import own_domain
@@ -47,7 +47,7 @@ def start(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[bytes]]]:
             process.send_signal(signal.SIGINT)
     for process, log, expected in running:
         try:
-            code = process.wait(15.0)
+            code = process.wait(TIMEOUT_S)
         except subprocess.TimeoutExpired:
             process.kill()
             raise

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import rclpy
+from rcl_interfaces.srv import GetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, QoSReliabilityPolicy
@@ -15,9 +16,12 @@ from sensor_msgs.msg import Image
 
 from motion_detect_ros.bridge.images import header_of, image_to_msg
 
-TIMEOUT_S = 60.0
-#: Between seeing a subscription in the graph and the publisher having matched it.
-MATCHING_S = 0.3
+#: A safety net: three nodes that share a busy core take a minute to start.
+TIMEOUT_S = 300.0
+#: After this an answer is asked for again: a server that has not found the client yet drops the first one.
+ASK_AGAIN_S = 5.0
+#: Messages that may wait in publishers and subscriptions where none may be lost.
+DEEP = 1000
 
 
 class Peer:
@@ -30,6 +34,7 @@ class Peer:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._received: dict[str, list[Any]] = {}
+        self._publishers: dict[str, Any] = {}
 
     def subscribe(self, kind: Any, topic: str, depth: int = 100) -> list[Any]:
         """Messages of a topic, as they come."""
@@ -40,7 +45,9 @@ class Peer:
     def advertise(self, kind: Any, topic: str, *, best_effort: bool = False) -> Any:
         """A publisher."""
         reliability = QoSReliabilityPolicy.BEST_EFFORT if best_effort else QoSReliabilityPolicy.RELIABLE
-        return self.node.create_publisher(kind, topic, QoSProfile(depth=10, reliability=reliability))
+        publisher = self.node.create_publisher(kind, topic, QoSProfile(depth=DEEP, reliability=reliability))
+        self._publishers[topic] = publisher
+        return publisher
 
     def until(self, condition: Callable[[], object], timeout_s: float = TIMEOUT_S) -> bool:
         """Spins until ``condition`` holds; False where it never does."""
@@ -51,14 +58,49 @@ class Peer:
             self._executor.spin_once(timeout_sec=0.05)
         return True
 
+    def rest(self, seconds: float) -> None:
+        """Spins for so long, for what must not come."""
+        self.until(lambda: False, seconds)
+
     def call(self, kind: Any, service: str, **request: Any) -> Any:
-        """The answer of a service."""
+        """The answer of a service of a node, asked once."""
         client = self.node.create_client(kind, service)
         assert self.until(client.service_is_ready), service
+        self.known_to(service.rpartition('/')[0])
         answer = client.call_async(kind.Request(**request))
         assert self.until(answer.done), service
         self.node.destroy_client(client)
         return answer.result()
+
+    def known_to(self, node: str) -> None:
+        """Returns once ``node`` has found every publisher, subscription and client that this peer has by now.
+
+        Endpoints are announced in the order in which they are made, and a node answers a client that it has found: its
+        answer to a new client proves that it has found the older endpoints.
+        """
+        client = self.node.create_client(GetParameters, f'{node}/get_parameters')
+        assert self.until(client.service_is_ready), node
+        answers = []
+
+        def answered() -> bool:
+            answers.append(client.call_async(GetParameters.Request()))
+            return self.until(lambda: any(answer.done() for answer in answers), ASK_AGAIN_S)
+
+        assert self.until(answered), node
+        self.node.destroy_client(client)
+
+    def matched(self, topic: str, count: int) -> bool:
+        """True once the publisher of ``topic`` has ``count`` subscriptions whose nodes are known by name."""
+        publisher = self._publishers[topic]
+        return self.until(lambda: publisher.get_subscription_count() >= count
+                          and len(self.subscribed(topic)) >= count)
+
+    def subscribed(self, topic: str) -> list[str]:
+        """The other nodes that subscribe to a topic, with their namespaces."""
+        name = self._publishers[topic].topic_name
+        found = [(info.node_namespace, info.node_name) for info in self.node.get_subscriptions_info_by_topic(name)]
+        return [f'{namespace.rstrip("/")}/{node}' for namespace, node in found
+                if node not in {'_NODE_NAME_UNKNOWN_', self.node.get_name()}]
 
     def close(self) -> None:
         """Leave the graph."""
@@ -90,7 +132,24 @@ def image_message(index: int, frame_id: str = 'front') -> Image:
 
 
 def ready(peer: Peer, topic: str, count: int = 1) -> bool:
-    """True once ``count`` subscriptions are on a topic and have found this peer's publisher."""
-    found = peer.until(lambda: peer.node.count_subscribers(topic) >= count)
-    peer.until(lambda: False, MATCHING_S)
-    return found
+    """True once ``count`` nodes subscribe to a topic, and they and this peer have found all of each other."""
+    if not peer.matched(topic, count):
+        return False
+    for node in set(peer.subscribed(topic)):
+        peer.known_to(node)
+    return True
+
+
+def deep(*topics: str) -> tuple[str, ...]:
+    """Settings under which nothing on ``topics`` is overwritten before it is taken."""
+    return tuple(f'qos_overrides./{topic}.{end}.depth:={DEEP}'
+                 for topic in topics for end in ('publisher', 'subscription'))
+
+
+def lossless(*topics: str) -> list[str]:
+    """``deep`` as ROS arguments."""
+    return [word for setting in deep(*topics) for word in ('-p', setting)]
+
+
+#: Every image is answered, however late: for stages, and for the player that feeds them.
+PATIENT = (f'queue_size:={DEEP}', *deep('image_raw', 'camera_info', 'flow', 'ego_motion', 'detections', 'clock'))

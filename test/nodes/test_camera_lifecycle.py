@@ -63,10 +63,10 @@ def test_the_device_is_open_while_the_node_is_active(peer, start, stream):
     for _ in range(2):
         images.clear()
         assert change(peer, Transition.TRANSITION_ACTIVATE)
-        assert peer.until(lambda: len(images) > 3, 15.0)
+        assert peer.until(lambda: len(images) > 3)
         assert stream.connections == 1
         assert change(peer, Transition.TRANSITION_DEACTIVATE)
-        assert peer.until(lambda: stream.connections == 0, 10.0)
+        assert peer.until(lambda: stream.connections == 0)
 
 
 def test_a_wrong_source_makes_activation_fail_with_its_reason(peer, start):

@@ -11,9 +11,10 @@ import cv2
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from peers import Peer, image_message, picture, ready, small
+from peers import TIMEOUT_S, Peer, image_message, lossless, picture, ready, small
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 
+from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.sources.bags import BagWriter
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -36,7 +37,7 @@ class Health:
         assert self._peer.until(lambda: len(self._messages) >= before + count)
         return self.reports[before:before + count]
 
-    def reported(self, level: bytes, words: str, timeout_s: float = 20.0) -> bool:
+    def reported(self, level: bytes, words: str, timeout_s: float = TIMEOUT_S) -> bool:
         """Whether such a report comes in time."""
         return self._peer.until(lambda: any(
             found == level and words in text for found, text in self.reports), timeout_s)
@@ -56,33 +57,41 @@ def test_overlay_that_nobody_subscribes_to_or_has_nothing_to_show_is_fine(peer, 
     peer.advertise(PointCloud2, 'detections')
     assert ready(peer, 'image_raw')
     publisher.publish(image_message(0))
-    assert health.reported(WARN, 'nothing received for 3 s')
+    assert health.reported(WARN, 'nothing received for')
     assert {level for level, text in health.reports if 'nothing received' not in text} == {OK}
 
 
 def test_stage_warns_while_it_drops_and_recovers(peer, start):
-    start('pipeline', *small('queue_size:=1'))
+    start('pipeline', *small('queue_size:=1'), *lossless('image_raw', 'detections'))
     answers, health = peer.subscribe(PointCloud2, 'detections'), Health(peer)
     publisher = peer.advertise(Image, 'image_raw')
     assert ready(peer, 'image_raw')
-    for index in range(12):  # as fast as they go: faster than any machine computes them
-        publisher.publish(image_message(index))
-    assert health.reported(WARN, 'dropped since the last report')
+    images = [image_message(index) for index in range(12)]
+    sent = 0
+
+    def overloaded() -> bool:
+        nonlocal sent
+        for image in images:
+            publisher.publish(image)
+        sent += len(images)
+        return any(level == WARN and 'dropped since the last report' in text for level, text in health.reports)
 
     def counts() -> tuple[int, ...]:
         return tuple(int(health.values()[key]) for key in ('received', 'processed', 'dropped'))
 
-    assert peer.until(lambda: counts()[0] == counts()[1] + counts()[2])  # the queues of DDS may lose some on the way
-    dropped = counts()[2]
+    assert peer.until(overloaded)
+    assert peer.until(lambda: counts()[0] == sent == counts()[1] + counts()[2]), (sent, counts())
+    _, processed, dropped = counts()
     assert dropped > 0
-    assert peer.until(lambda: len(answers) == counts()[1])
+    assert peer.until(lambda: len(answers) == processed)
+    assert stamp_ns(answers[-1].header) == stamp_ns(images[-1].header)  # the newest image is never the one dropped
 
     def calm() -> bool:
-        publisher.publish(image_message(20))
-        peer.until(lambda: False, 0.3)
-        return health.reports[-1][0] == OK
+        publisher.publish(images[-1])
+        answered = len(answers) + 1
+        return peer.until(lambda: len(answers) == answered) and health.reports[-1][0] == OK
 
-    assert peer.until(calm, 15.0)
+    assert peer.until(calm)
     assert health.values()['dropped'] == str(dropped)
 
 
@@ -100,7 +109,7 @@ def test_stage_with_a_long_queue_warns_that_it_lags(peer, start):
             publisher.publish(large)
         return any(level == WARN and 'images wait' in text for level, text in health.reports)
 
-    assert peer.until(lags, 10.0)
+    assert peer.until(lags)
 
 
 def test_values_name_what_a_stage_sees(peer, start):
@@ -157,10 +166,10 @@ def test_camera_whose_stream_stalls_is_in_error_until_it_is_back(peer, start, st
     health = Health(peer)
     start('camera', '-p', f'source:={stream}')
     assert health.reported(OK, 'Hz')
-    assert health.reported(ERROR, 'nothing received for 3 s')
-    assert peer.until(lambda: health.values()['reconnects'] == '1', 20.0)
+    assert health.reported(ERROR, 'nothing received for')
+    assert peer.until(lambda: int(health.values()['reconnects']) > 0)
     seen = len(health.reports)
-    assert peer.until(lambda: OK in [level for level, _ in health.reports[seen:]], 10.0)
+    assert peer.until(lambda: OK in [level for level, _ in health.reports[seen:]])
 
 
 def test_player_waits_plays_and_reports_why_it_ends(peer, start, tmp_path):

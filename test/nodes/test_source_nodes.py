@@ -8,7 +8,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TransformStamped
 from mcap.writer import Writer
-from peers import image_message, picture, ready
+from peers import image_message, lossless, picture, ready
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu, PointCloud2
@@ -20,6 +20,8 @@ from motion_detect_ros.sources import messages
 from motion_detect_ros.sources.bags import BagWriter
 
 PERIOD_NS = 50_000_000
+#: For messages that must not come: as long as a player stays after its last one, seconds.
+LINGER_S = 0.5
 STAMPS = [1_600_000_000 * NANOSECONDS + index * PERIOD_NS for index in range(8)]
 
 
@@ -45,52 +47,61 @@ def bag(tmp_path):
     return path
 
 
-def film(peer, start, pictures, *arguments):
-    waiting = ('-p', 'wait_for_subscribers:=1')
-    process = start('camera', '-p', f'source:={pictures}', '-p', 'fps:=10.0', *waiting, *arguments)
+def film(peer, start, pictures, received, count, *arguments):
+    """``pictures`` by the camera, none left out, until it ends, and a little longer; ``received`` gets ``count``."""
+    given = ('-p', 'wait_for_subscribers:=1', '-p', 'realtime:=false',
+             *lossless('image_raw', 'image_raw/compressed', 'camera_info'))
+    process = start('camera', '-p', f'source:={pictures}', '-p', 'fps:=10.0', *given, *arguments)
+    assert peer.until(lambda: len(received) >= count), len(received)
     assert peer.until(lambda: process.poll() is not None)
-    peer.until(lambda: False, 0.5)
+    peer.rest(LINGER_S)
+    assert len(received) == count
 
 
 def test_camera_publishes_every_picture_of_a_folder_and_ends(peer, start, pictures):
     images, infos = peer.subscribe(Image, 'image_raw'), peer.subscribe(CameraInfo, 'camera_info')
-    film(peer, start, pictures, '-p', 'frame_id:=nose')
-    assert len(images) == 8
+    film(peer, start, pictures, images, 8, '-p', 'frame_id:=nose')
+    assert peer.until(lambda: len(infos) == 8)
     for index, message in enumerate(images):
         np.testing.assert_array_equal(image_from_msg(message), picture(index))
         assert (message.encoding, message.header.frame_id) == ('bgr8', 'nose')
-    assert np.diff([stamp_ns(m.header) for m in images]) == pytest.approx(0.1 * NANOSECONDS)
+    assert np.diff([stamp_ns(m.header) for m in images]) == pytest.approx([0.1 * NANOSECONDS] * 7)
     assert [m.header for m in infos] == [m.header for m in images]
     assert list(infos[0].k) == [0.0] * 9  # REP 104: uncalibrated
 
 
 def test_camera_takes_two_of_five(peer, start, pictures):
     images = peer.subscribe(Image, 'image_raw')
-    film(peer, start, pictures, '-p', 'decimation_keep:=2', '-p', 'decimation_of:=5')
+    film(peer, start, pictures, images, 4, '-p', 'decimation_keep:=2', '-p', 'decimation_of:=5')
     for message, index in zip(images, (0, 1, 5, 6), strict=True):
         np.testing.assert_array_equal(image_from_msg(message), picture(index))
 
 
 def test_camera_compresses_for_those_who_ask(peer, start, pictures):
     jpegs = peer.subscribe(CompressedImage, 'image_raw/compressed')
-    film(peer, start, pictures)
-    assert len(jpegs) == 8
+    film(peer, start, pictures, jpegs, 8)
     for index, message in enumerate(jpegs):
         assert bytes(message.data[:3]) == b'\xff\xd8\xff'  # the mark every JPEG begins with
         assert np.abs(image_from_msg(message).astype(int) - picture(index)).mean() < 10.0
 
 
-def play(peer, start, bag, *arguments):
-    process = start('bag_player', '-p', f'bag:={bag}', '-p', 'wait_for_subscribers:=1', *arguments)
+def play(peer, start, bag, received, count, *arguments):
+    """The bag by the player, until it ends and ``received`` holds ``count``, and a little longer."""
+    given = ('-p', 'wait_for_subscribers:=1',
+             *lossless('image_raw', 'rear/image_raw', 'seen', 'camera_info', 'clock'))
+    process = start('bag_player', '-p', f'bag:={bag}', *given, *arguments)
+    assert peer.until(lambda: len(received) >= count), len(received)
     assert peer.until(lambda: process.poll() is not None)
-    peer.until(lambda: False, 0.5)
+    peer.rest(LINGER_S)
+    assert len(received) == count
 
 
 def test_player_plays_what_was_recorded_with_its_stamps(peer, start, bag):
     images, rear = peer.subscribe(Image, 'image_raw'), peer.subscribe(Image, 'rear/image_raw')
     infos, ticks = peer.subscribe(CameraInfo, 'camera_info'), peer.subscribe(Clock, '/clock')
-    play(peer, start, bag)
+    play(peer, start, bag, images, 8)
     assert [stamp_ns(m.header) for m in images] == STAMPS
+    assert peer.until(lambda: len(infos) == 8 and len(rear) == 1 and len(ticks) == 17)
     assert [stamp_ns(m.header) for m in infos] == STAMPS
     assert [stamp_ns(m.header) for m in rear] == STAMPS[-1:]
     for index, message in enumerate(images):
@@ -99,12 +110,11 @@ def test_player_plays_what_was_recorded_with_its_stamps(peer, start, bag):
     assert infos[0].k[4] == 301.0
 
 
+@pytest.mark.timing
 def test_player_keeps_the_recorded_pace_times_rate(peer, start, bag):
-    ticks = peer.subscribe(Clock, '/clock')
     arrivals: list[float] = []
     peer.node.create_subscription(Image, 'image_raw', lambda _: arrivals.append(now_s(peer)), 10)
-    play(peer, start, bag, '-p', 'rate:=0.5')
-    assert len(ticks) == 17
+    play(peer, start, bag, arrivals, 8, '-p', 'rate:=0.5')
     assert arrivals[-1] - arrivals[0] == pytest.approx(7 * 0.05 / 0.5, abs=0.1)
 
 
@@ -121,8 +131,8 @@ def test_the_clock_is_when_messages_were_recorded_and_does_not_go_back(peer, sta
             picture = messages.image(np.zeros((600, 700, 3), np.uint8), recorded - age_ns, 'eye')  # a chunk each
             writer.write(topic, picture, recorded)
     images, ticks = peer.subscribe(Image, 'image_raw'), peer.subscribe(Clock, '/clock')
-    play(peer, start, path)
-    assert len(images) == 3
+    play(peer, start, path, ticks, 5)
+    assert peer.until(lambda: len(images) == 3)
     assert clock_ns(ticks) == [log[0], log[1], log[2], log[2], log[4]]
 
 
@@ -134,7 +144,7 @@ def test_a_bag_without_images_has_a_clock(peer, start, tmp_path):
     rates = peer.subscribe(Imu, 'imu')
     process = start('bag_player', '-p', f'bag:={path}', '-p', 'loop:=true', '-p', 'rate:=2')
     assert peer.until(lambda: len(ticks) > 16)
-    assert rates
+    assert peer.until(lambda: rates)
     assert set(clock_ns(ticks)) == set(STAMPS)
     falls = np.flatnonzero(np.diff(clock_ns(ticks)) < 0)
     assert {clock_ns(ticks)[index + 1] for index in falls} == {STAMPS[0]}  # the next round of the loop only
@@ -154,9 +164,9 @@ def now_s(peer) -> float:
 
 def test_whole_numbers_may_stand_for_texts_and_rates(peer, start, pictures):
     images = peer.subscribe(Image, 'image_raw')
-    film(peer, start, pictures, '-p', 'frame_id:=7', '-p', 'fps:=5')
+    film(peer, start, pictures, images, 8, '-p', 'frame_id:=7', '-p', 'fps:=5')
     assert {m.header.frame_id for m in images} == {'7'}
-    assert np.diff([stamp_ns(m.header) for m in images]) == pytest.approx(0.2 * NANOSECONDS)
+    assert np.diff([stamp_ns(m.header) for m in images]) == pytest.approx([0.2 * NANOSECONDS] * 7)
 
 
 def test_camera_number_needs_no_quotes(peer, start, tmp_path):
@@ -167,7 +177,7 @@ def test_camera_number_needs_no_quotes(peer, start, tmp_path):
 
 def test_player_plays_chosen_topics_only(peer, start, bag):
     images, rear = peer.subscribe(Image, 'image_raw'), peer.subscribe(Image, 'seen')
-    play(peer, start, bag, '-p', 'topics:=/rear/image_raw', '-r', 'rear/image_raw:=seen')
+    play(peer, start, bag, rear, 1, '-p', 'topics:=/rear/image_raw', '-r', 'rear/image_raw:=seen')
     assert not images
     np.testing.assert_array_equal(image_from_msg(rear[0]), picture(9))
 
@@ -197,13 +207,14 @@ def test_late_subscribers_get_the_static_transforms(peer, start, tmp_path):
     assert peer.until(lambda: images)
     late = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
     peer.node.create_subscription(TransformStamped, '/tf_static', received.append, late)
-    assert peer.until(lambda: received, 10.0)
+    assert peer.until(lambda: received)
     assert received[0].child_frame_id == 'camera'
 
 
 def test_player_starts_again_at_the_end(peer, start, bag):
     images = peer.subscribe(Image, 'image_raw')
-    start('bag_player', '-p', f'bag:={bag}', '-p', 'loop:=true', '-p', 'rate:=10', '-p', 'wait_for_subscribers:=1')
+    start('bag_player', '-p', f'bag:={bag}', '-p', 'loop:=true', '-p', 'rate:=10', '-p', 'wait_for_subscribers:=1',
+          *lossless('image_raw'))
     assert peer.until(lambda: len(images) >= 20)
     assert [stamp_ns(m.header) for m in images[:20]] == (STAMPS * 3)[:20]
 
@@ -212,7 +223,9 @@ def test_overlay_draws_only_while_someone_subscribes(peer, start):
     start('overlay')
     publisher, boxes = peer.advertise(Image, 'image_raw'), peer.advertise(PointCloud2, 'detections')
     assert peer.until(lambda: 'overlay' in peer.node.get_node_names())
-    peer.until(lambda: False, 1.5)
+    reports = peer.subscribe(DiagnosticArray, '/diagnostics')
+    assert peer.until(lambda: len(reports) >= 2)  # a second apart: it has looked for subscribers in between
+    assert {message.status[0].message for message in reports} == {'no subscribers'}
     assert peer.node.count_subscribers('image_raw') == 0
     drawn = peer.subscribe(Image, '/overlay/overlay')
     assert ready(peer, 'image_raw')
@@ -240,17 +253,17 @@ def test_overlay_drops_what_never_gets_detections(peer, start):
     drawn, reports = peer.subscribe(Image, '/overlay/overlay'), peer.subscribe(DiagnosticArray, '/diagnostics')
     assert ready(peer, 'image_raw')
     assert ready(peer, 'detections')
-    for index in range(3):
-        publisher.publish(image_message(index))
-        peer.until(lambda: False, 0.1)
-    boxes.publish(detections_to_msg(empty_detections(), header_of(300_000_000, 'front')))
-    assert peer.until(lambda: drawn)
-    assert [stamp_ns(m.header) for m in drawn] == [300_000_000]
-    np.testing.assert_array_equal(image_from_msg(drawn[0]), picture(2))
 
     def latest() -> dict[str, str]:
         return {pair.key: pair.value for pair in reports[-1].status[0].values} if reports else {}
 
+    for index in range(3):  # its subscription holds one image
+        publisher.publish(image_message(index))
+        assert peer.until(lambda index=index: latest().get('received') == str(index + 1)), latest()
+    boxes.publish(detections_to_msg(empty_detections(), header_of(300_000_000, 'front')))
+    assert peer.until(lambda: drawn)
+    assert [stamp_ns(m.header) for m in drawn] == [300_000_000]
+    np.testing.assert_array_equal(image_from_msg(drawn[0]), picture(2))
     assert peer.until(lambda: latest().get('processed') == '1'), latest()
     assert (latest()['received'], latest()['dropped']) == ('3', '2')
     assert float(latest()['latency_p50_ms']) > 0.0
