@@ -6,6 +6,11 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
+
+# How long an example takes says nothing on a machine that others use too.
+settings.register_profile('busy machine', deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile('busy machine')
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 

@@ -31,7 +31,7 @@ _IMPORT_NAMES = {'opencv-python-headless': 'cv2', 'PyYAML': 'yaml', 'scikit-lear
 def run(*command: str | Path, cwd: Path, **environment: str) -> str:
     """Output of a command that must succeed."""
     done = subprocess.run(
-        [str(word) for word in command], cwd=cwd, env={**os.environ, **environment}, text=True, timeout=240,
+        [str(word) for word in command], cwd=cwd, env={**os.environ, **environment}, text=True, timeout=600,
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
     assert done.returncode == 0, done.stdout
     return done.stdout

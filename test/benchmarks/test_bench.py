@@ -29,17 +29,22 @@ def test_percentiles_of_known_values():
     assert math.isnan(bench_timing.Timing.of('x', []).p50)
 
 
-def test_interleaved_takes_turns_and_times_each():
-    calls = []
+def test_interleaved_takes_turns_and_times_each(monkeypatch: pytest.MonkeyPatch):
+    """By a clock that only the steps move: a takes 4 ms and one more each frame, b always 1 ms."""
+    calls, now_s = [], 100.0
 
-    def step(name: str, seconds: float):
-        return lambda index: (calls.append((index, name)), time.sleep(seconds))
+    def step(name: str, milliseconds: list[float]):
+        def work(index: int) -> None:
+            nonlocal now_s
+            calls.append((index, name))
+            now_s += 1e-3 * milliseconds[index]
+        return work
 
-    times = bench_timing.interleaved([step('a', 0.004), step('b', 0.001)], 6, warm_frames=2)
-    assert times.shape == (4, 2)
+    monkeypatch.setattr(time, 'perf_counter', lambda: now_s)
+    steps = [step('a', [4.0, 5.0, 6.0, 7.0, 8.0, 9.0]), step('b', [1.0] * 6)]
+    times = bench_timing.interleaved(steps, 6, warm_frames=2)
     assert calls[:6] == [(0, 'a'), (0, 'b'), (1, 'b'), (1, 'a'), (2, 'a'), (2, 'b')]
-    assert np.median(times[:, 0]) >= 4.0
-    assert 1.0 <= np.median(times[:, 1]) < np.median(times[:, 0])
+    np.testing.assert_allclose(times, [[6.0, 1.0], [7.0, 1.0], [8.0, 1.0], [9.0, 1.0]], atol=1e-6)
 
 
 def test_ratio_is_the_median_of_ratios_so_that_a_loaded_moment_does_not_count():

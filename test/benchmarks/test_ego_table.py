@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 
 import numpy as np
-import pytest
 
 from motion_detect_ros.benchmarks import ego_table
 from motion_detect_ros.core.ego_motion.methods import METHODS
@@ -25,7 +24,6 @@ def test_turn_and_zoom_are_about_the_centre():
     np.testing.assert_allclose(start + warp(start), [[325.0, 242.0], [325.0, 240.0]], atol=1e-9)
 
 
-@pytest.mark.timeout(60)
 def test_every_method_and_family_has_its_figures(monkeypatch):
     monkeypatch.setattr(ego_table, 'KINDS', {'rotation': ego_table.KINDS['rotation']})
     lines = list(ego_table.tables(1))

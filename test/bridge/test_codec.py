@@ -88,6 +88,7 @@ def test_stamps():
     assert (stamp_of(12_000_000_034).sec, stamp_of(12_000_000_034).nanosec) == (12, 34)
 
 
+@pytest.mark.timing
 def test_720p_takes_at_most_2_ms_a_direction(capsys: pytest.CaptureFixture[str]):
     """Median of 50, best of three rounds: the machine is shared. The allocator is set as every node sets it."""
     tune_malloc()

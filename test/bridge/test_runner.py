@@ -25,7 +25,6 @@ from motion_detect_ros.cli.live import own_domain
 TICKS = 200
 
 
-@pytest.mark.timeout(30)
 def test_spinning_leaves_nothing_behind_and_ends_at_once(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     context, finished, left = Context(), Future(), []

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 
 from hypothesis import given
 from hypothesis import strategies as st
 
 from motion_detect_ros.bridge.sync import ExactJoin
 from motion_detect_ros.bridge.worker import Worker
+
+#: A safety net for what must come.
+TIMEOUT_S = 300.0
 
 
 def test_joins_by_equal_stamps_in_the_order_of_the_names():
@@ -109,7 +113,7 @@ def test_worker_keeps_the_newest_and_counts_the_rest():
     gate, done, seen, dropped = threading.Event(), threading.Event(), [], []
 
     def handle(item: int) -> None:
-        gate.wait(5.0)
+        gate.wait(TIMEOUT_S)
         seen.append(item)
         if item == 9:
             done.set()
@@ -118,10 +122,17 @@ def test_worker_keeps_the_newest_and_counts_the_rest():
     for item in range(10):
         worker.submit(item)
     gate.set()
-    assert done.wait(5.0)
+    assert done.wait(TIMEOUT_S)
     worker.stop()
     assert seen[-2:] == [8, 9]
     assert len(seen) + sum(dropped) == 10
+
+
+def until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + TIMEOUT_S
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
 
 
 def worked_off(jumps: bool, items: int) -> tuple[list[int], int]:
@@ -130,18 +141,16 @@ def worked_off(jumps: bool, items: int) -> tuple[list[int], int]:
 
     def handle(item: int) -> None:
         busy.set()
-        gate.wait(5.0)
+        gate.wait(TIMEOUT_S)
         seen.append(item)
 
     worker = Worker(handle, 2, dropped.append, jumps)
     worker.submit(0)
-    assert busy.wait(5.0)
+    assert busy.wait(TIMEOUT_S)
     for item in range(1, items):
         worker.submit(item)
     gate.set()
-    deadline = time.monotonic() + 5.0
-    while len(seen) + sum(dropped) < items and time.monotonic() < deadline:
-        time.sleep(0.001)
+    until(lambda: len(seen) + sum(dropped) == items)
     worker.stop()
     return seen, sum(dropped)
 
@@ -156,24 +165,20 @@ def test_worker_that_jumps_works_off_a_burst_that_fits_the_mailbox():
 
 
 def test_worker_that_has_caught_up_takes_everything_again():
-    gate, seen = threading.Semaphore(0), []
-    worker = Worker(lambda item: (gate.acquire(timeout=5.0), seen.append(item)), 2, lambda count: None, jumps=True)
-
-    def until(count: int) -> None:
-        deadline = time.monotonic() + 5.0
-        while len(seen) < count and time.monotonic() < deadline:
-            time.sleep(0.001)
-        time.sleep(0.02)
-
-    for item in range(5):
+    gate, begun, seen = threading.Semaphore(0), [], []
+    worker = Worker(lambda item: (begun.append(item), gate.acquire(timeout=TIMEOUT_S), seen.append(item)), 2,
+                    lambda count: None, jumps=True)
+    worker.submit(0)
+    until(lambda: begun == [0])
+    for item in range(1, 5):
         worker.submit(item)
-        time.sleep(0.01)
     gate.release(2)
-    until(2)
-    for item in (10, 11, 12):
+    until(lambda: seen == [0, 4] and not worker._late)
+    worker.submit(10)
+    until(lambda: begun[-1] == 10)
+    for item in (11, 12):
         worker.submit(item)
-        time.sleep(0.01)
     gate.release(3)
-    until(5)
+    until(lambda: len(seen) == 5)
     worker.stop()
     assert seen == [0, 4, 10, 11, 12]

@@ -99,7 +99,7 @@ def test_real_time_factor() -> None:
 
 def demo(*words: str | Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, '-m', 'motion_detect_ros', 'demo', *map(str, words)],
-                          capture_output=True, text=True, timeout=240, check=False)
+                          capture_output=True, text=True, timeout=600, check=False)
 
 
 @pytest.mark.parametrize(('words', 'message'), [
@@ -141,7 +141,7 @@ def test_offline(tmp_path: Path) -> None:
     check_files(tmp_path)
     evaluated = subprocess.run(
         [sys.executable, '-m', 'motion_detect_ros', 'evaluate', tmp_path / 'detections.csv',
-         '--truth', tmp_path / 'flight.truth.csv'], capture_output=True, text=True, timeout=60, check=False)
+         '--truth', tmp_path / 'flight.truth.csv'], capture_output=True, text=True, timeout=600, check=False)
     assert evaluated.returncode == 0, evaluated.stderr
 
 
@@ -162,7 +162,7 @@ def test_without_ros_says_what_to_install(tmp_path: Path) -> None:
     code = ('import sys, importlib.util as util; find = util.find_spec\n'
             'util.find_spec = lambda name, *rest: None if name == "rclpy" else find(name, *rest)\n'
             'from motion_detect_ros.__main__ import main; sys.exit(main(["demo", "-o", sys.argv[1]]))')
-    done = subprocess.run([sys.executable, '-c', code, str(tmp_path)], capture_output=True, text=True, timeout=60,
+    done = subprocess.run([sys.executable, '-c', code, str(tmp_path)], capture_output=True, text=True, timeout=600,
                           check=False)
     assert (done.returncode, done.stderr) == (
         2, 'error: rclpy is missing: install ROS 2 Jazzy or the extra "ros", or use --offline\n')

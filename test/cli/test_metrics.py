@@ -130,7 +130,7 @@ def test_agrees_with_the_clips_own_scorer(clips: Path, tmp_path: Path, seed: int
     skip = seed % 3
     theirs = json.loads(subprocess.run(
         [sys.executable, scorer, truth, found, '--json', '--skip', str(skip)],
-        check=True, capture_output=True, text=True, timeout=60).stdout)
+        check=True, capture_output=True, text=True, timeout=600).stdout)
     ours = evaluate(read_boxes(found), load_truth(truth), [0.3, 0.5], skip)
     assert set(ours) == set(theirs) - {'frames'}
     for name, score in ours.items():

@@ -9,6 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import yaml
+from peers import PATIENT
 from test_nodes import PERIOD_NS, broken_image, scene
 
 from motion_detect_ros.__main__ import main
@@ -32,6 +34,15 @@ def png(index: int, stamp_ns: int) -> bytes:
 
 
 @pytest.fixture
+def patient(tmp_path: Path) -> list[str]:
+    """Settings under which every image is answered, however late."""
+    settings = dict(setting.split(':=') for setting in PATIENT)
+    path = tmp_path / 'patient.yaml'
+    path.write_text(yaml.safe_dump({'/**': {'ros__parameters': {key: int(value) for key, value in settings.items()}}}))
+    return ['--config', str(path)]
+
+
+@pytest.fixture
 def two_cameras(tmp_path: Path) -> Path:
     """Two cameras under names the nodes do not listen to; the second has one broken image."""
     path = tmp_path / 'two.mcap'
@@ -46,8 +57,12 @@ def two_cameras(tmp_path: Path) -> Path:
     return path
 
 
-def test_one_of_two_cameras_with_a_broken_image(two_cameras: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    words = ['replay', str(two_cameras), '--topic', '/rear/image_raw', '-o']
+def test_one_of_two_cameras_with_a_broken_image(
+    two_cameras: Path, patient: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr('motion_detect_ros.cli.live.IDLE_TIMEOUT_S', 6.0)  # it is waited out: one answer never comes
+    words = ['replay', str(two_cameras), '--topic', '/rear/image_raw', *patient, '-o']
     assert main([*words, str(tmp_path / 'live'), '--live']) == 3  # one image has no answer
     assert f'{FRAMES} images, {FRAMES - 1} answers' in capsys.readouterr().out
     assert main([*words, str(tmp_path / 'offline')]) == 3
@@ -58,13 +73,13 @@ def test_one_of_two_cameras_with_a_broken_image(two_cameras: Path, tmp_path: Pat
     assert all(int(row['stamp_ns']) == (int(row['frame']) + 1) * PERIOD_NS for row in live)
 
 
-def test_compressed_images(tmp_path: Path):
+def test_compressed_images(patient: list[str], tmp_path: Path):
     with BagWriter(tmp_path / 'png.mcap') as bag:
         for index in range(FRAMES):
             stamp_ns = (index + 1) * PERIOD_NS
             bag.write_camera_info(CAMERA, stamp_ns)
             bag.write_raw('/image_raw/compressed', COMPRESSED_IMAGE, png(index, stamp_ns), stamp_ns)
-    words = ['replay', str(tmp_path / 'png.mcap'), '-o']
+    words = ['replay', str(tmp_path / 'png.mcap'), *patient, '-o']
     assert main([*words, str(tmp_path / 'live'), '--live']) == 0
     assert main([*words, str(tmp_path / 'offline')]) == 0
     assert rows(tmp_path / 'live')

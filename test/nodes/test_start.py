@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from peers import TIMEOUT_S
 
 MODULE = 'motion_detect_ros.nodes.pipeline'
 SCRIPT = f'import sys\nfrom {MODULE} import main\nsys.exit(main())\n'
@@ -30,10 +31,10 @@ def test_quiet_end_while_python_imports(kind: str, last_loaded: str, stop: signa
     else:
         pytest.fail(f'{last_loaded} was never loaded')
     words = [line for line in process.stderr if not line.startswith('import time:')]
-    assert (process.wait(30.0), words) == (0, [])
+    assert (process.wait(TIMEOUT_S), words) == (0, [])
 
 
 def test_who_only_imports_a_node_keeps_his_signals():
     code = f'import signal, {MODULE}; print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)'
-    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=600, check=True)
     assert done.stdout == 'True\n'
