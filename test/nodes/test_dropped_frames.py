@@ -47,29 +47,38 @@ def graph(peer: Peer, start: Any, request: pytest.FixtureRequest) -> Graph:
 
 
 @pytest.mark.parametrize('graph', [('queue_size:=1',)], indirect=True, ids=['short mailbox'])
-def test_the_first_stage_drops_what_is_too_much_and_the_last_image_is_answered(graph: Graph, peer: Peer):
+def test_the_first_stage_drops_what_is_too_much_and_images_are_answered_after_it(graph: Graph, peer: Peer):
     images, sent = [image_message(index) for index in range(40)], []
+
+    def publish() -> None:
+        image = images[len(sent) % len(images)]
+        image.header = header_of((len(sent) + 1) * 100_000_000, 'front')
+        graph.publisher.publish(image)
+        sent.append(stamp_ns(image.header))
 
     def dropped() -> bool:
         for _ in range(20):
-            image = images[len(sent) % len(images)]
-            image.header = header_of((len(sent) + 1) * 100_000_000, 'front')
-            graph.publisher.publish(image)
-            sent.append(stamp_ns(image.header))
+            publish()
         reports = graph.reports
         return peer.until(lambda: graph.reports > reports) and graph.counted('ego_motion', 'dropped') > 0
 
+    def answered() -> bool:
+        """The latest image, unless what is left of the burst crowds it out of the joins."""
+        publish()
+        return peer.until(lambda: graph.answers and stamp_ns(graph.answers[-1].header) == sent[-1], 3.0)
+
     assert peer.until(dropped)
-    assert peer.until(lambda: graph.answers and stamp_ns(graph.answers[-1].header) == sent[-1])
-    answered = [stamp_ns(message.header) for message in graph.answers]
-    assert set(answered) <= set(sent)
-    assert answered == sorted(set(answered))
+    assert peer.until(answered)
+    stamps = [stamp_ns(message.header) for message in graph.answers]
+    assert set(stamps) <= set(sent)
+    assert stamps == sorted(set(stamps))
     for stage in STAGES:
         graph.await_count(stage, 'received', len(sent))
-    graph.await_count('art2_clustering', 'processed', len(answered))
+    graph.await_count('art2_clustering', 'processed', len(stamps))
+    assert peer.until(lambda: graph.counted('ego_motion', 'processed') + graph.counted('ego_motion', 'dropped')
+                      == len(sent))
     first, second, third = (graph.counted(stage, 'processed') for stage in STAGES)
-    assert len(sent) > first >= second >= third
-    graph.await_count('ego_motion', 'dropped', len(sent) - first)
+    assert len(sent) > first >= second >= third > 0
 
 
 @pytest.mark.parametrize('graph', [('load.decimation_keep:=2', 'load.decimation_of:=5')], indirect=True, ids=['2 of 5'])

@@ -11,7 +11,7 @@ from motion_detect_ros.core.config import BackgroundConfig
 from motion_detect_ros.core.detection.patches import Patch, connected_pixels, joined_patches
 from motion_detect_ros.core.detection.segments import connected_segments
 from motion_detect_ros.core.geometry.boxes import Box
-from motion_detect_ros.core.geometry.motion_chain import MAX_LINKS, MotionChain
+from motion_detect_ros.core.geometry.motion_chain import MotionChain
 from motion_detect_ros.core.geometry.warp import apply, at_scale, grid_points
 from motion_detect_ros.core.types import EgoMotion, EgoStatus
 
@@ -69,9 +69,12 @@ class TestMotionChain:
 
     def test_bounded(self):
         chain = MotionChain()
-        for index in range(3 * MAX_LINKS):
+        lengths = []
+        for index in range(2000):
             chain.append(ego(index, index + 1, np.eye(3)))
-        assert len(chain.chained()) == MAX_LINKS
+            lengths.append(len(chain.chained()))
+        assert lengths[:10] == list(range(1, 11)), 'nothing is forgotten at once'
+        assert len(set(lengths[100:])) == 1, 'nor kept for ever'
 
 
 class TestBackground:
