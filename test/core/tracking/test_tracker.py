@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import permutations
+
 import numpy as np
 import pytest
 
@@ -56,21 +59,38 @@ def test_crossing_objects_keep_their_ids():
     assert by_id[right]['vel_u'] > 100 and len(by_id) == 2
 
 
-def test_costs_of_all_pairs_are_those_of_the_formula():
-    random, tracker = np.random.default_rng(2), Tracker(CONFIG)
-    first, second = ([candidate(*random.uniform(0, [150, 100]), size=random.uniform(10, 40, 2)) for _ in range(count)]
-                     for count in (40, 30))
-    tracker.step(first, np.eye(3), DT_S, 300, 200)
-    tracker.coast_without_frame(0.01, 300)
-    cost = tracker._cost(second)
-    assert cost.shape == (40, 30) and 50 < (cost < 2.0).sum() < 600
-    for row, track in zip(cost, tracker._tracks, strict=True):
-        assert track.gate_inflation_px > 0.0
-        for value, seen in zip(row, second, strict=True):
-            reach = 0.3 * (track.size + seen.size) + 3.0 + 2.0 * track.gate_inflation_px
-            (dx, dy), (w, h), (tw, th) = (seen.centre - track.state[:2]) / reach, seen.size, track.size
-            distance, ratio = float(np.hypot(dx, dy)), abs(float(np.log(w * h / (tw * th))))
-            assert value == pytest.approx(distance + 0.25 * ratio if distance < 1.0 and ratio < 1.6 else 1e6)
+def labelled(places: np.ndarray, labels: list[int], size=(30.0, 30.0)) -> list[Candidate]:
+    """Standing objects whose records can be told apart by their ``cluster``."""
+    return [replace(candidate(*place, size=size), cluster=label) for place, label in zip(places, labels, strict=True)]
+
+
+def joined(before: list[Candidate], after: list[Candidate]) -> dict[int, int]:
+    """Label before -> label after, for the tracks of objects that stood still for a while."""
+    tracker = Tracker(CONFIG)
+    for _ in range(4):
+        first = tracker.step(before, np.eye(3), DT_S, 640, 480)
+    assert len(first) == len(before)
+    second = {int(record['id']): int(record['cluster']) for record in tracker.step(after, np.eye(3), DT_S, 640, 480)}
+    return {int(record['cluster']): second[int(record['id'])] for record in first}
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_of_all_pairings_the_one_with_the_least_sum_of_distances_is_taken(seed: int):
+    before, after = np.random.default_rng(seed).uniform(100.0, 112.0, (2, 5, 2))
+    best = min(permutations(range(5)), key=lambda order: np.hypot(*(after[list(order)] - before).T).sum())
+    assert joined(labelled(before, [1, 2, 3, 4, 5]), labelled(after, [11, 12, 13, 14, 15])) == {
+        index + 1: other + 11 for index, other in enumerate(best)}
+
+
+@pytest.mark.parametrize(('offset', 'size', 'kept'), [
+    # 30 % of both widths and 3 px: 21 px; of both heights: 15 px
+    ((20, 0), (30, 20), True), ((22, 0), (30, 20), False), ((0, 14), (30, 20), True), ((0, 16), (30, 20), False),
+    ((15, 11), (30, 20), False),  # hypot(15 / 21, 11 / 15) = 1.02
+    ((0, 0), (60, 45), True), ((0, 0), (60, 55), False),  # 4.5 and 5.5 times the area, about e^1.6 = 4.95
+])
+def test_gate_grows_with_the_objects(offset: tuple[int, int], size: tuple[int, int], kept: bool):
+    found = joined(labelled([(200, 150)], [1], (30, 20)), labelled([(200 + offset[0], 150 + offset[1])], [2], size))
+    assert found == {1: 2 if kept else 1}
 
 
 def test_coasts_along_its_prediction_and_then_ends():
