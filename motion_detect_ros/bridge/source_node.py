@@ -6,12 +6,15 @@ import threading
 import time
 from collections.abc import Callable
 
+from rclpy.duration import Duration
+
 from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode
 from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.core.errors import MotionDetectError, SourceError
 
-#: How long the last message gets to leave before the process ends, seconds.
+#: How long subscribers get to acknowledge the last messages, and these to leave, before the process ends, seconds.
+ACKNOWLEDGE_S = 60.0
 LINGER_S = 0.5
 #: How long a stopped thread gets, seconds.
 STOP_TIMEOUT_S = 5.0
@@ -79,9 +82,17 @@ class SourceNode(ManagedNode):
             if self._thread.is_alive() and self.context.ok():
                 self.get_logger().warning(f'thread still blocked after {STOP_TIMEOUT_S:.0f} s')
 
+    def _await_acknowledgements(self) -> None:
+        """A process that ends takes along what a reliable subscriber has not received yet."""
+        deadline, poll = time.monotonic() + ACKNOWLEDGE_S, Duration(seconds=POLL_S)
+        for publisher in self._publishers_made:
+            while not publisher.wait_for_all_acked(poll) and time.monotonic() < deadline and not self.stopped.is_set():
+                pass
+
     def _run(self) -> None:
         try:
             self.produce()
+            self._await_acknowledgements()
             self.stopped.wait(LINGER_S)
         except Exception as error:  # a dead thread would leave a process that does nothing
             if self.context.ok():

@@ -50,7 +50,8 @@ def offline(clip):
 def playback(clip, offline) -> Playback:
     """The clip through three stage processes and the player; no image is dropped, however slow the machine is."""
     name, bag = clip
-    with LiveGraph(CLIPS[name][1], parameters=PATIENT) as graph:
+    with pytest.MonkeyPatch.context() as patch, LiveGraph(CLIPS[name][1], parameters=PATIENT) as graph:
+        patch.setattr('motion_detect_ros.cli.live.IDLE_TIMEOUT_S', 200.0)
         played = graph.play(bag, len(offline))
     assert set(graph.exit_codes.values()) == {0}
     return played
