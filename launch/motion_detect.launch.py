@@ -11,7 +11,7 @@ from motion_detect_ros.presets import find_config
 ARGUMENTS = (
     ('namespace', '', 'namespace of all nodes'),
     ('use_sim_time', 'false', 'take time from /clock'),
-    ('params_file', 'default', 'preset (default, visdrone, kitti) or full path of a parameter file'),
+    ('params_file', 'default', 'preset (default, visdrone, kitti, report) or full path of a parameter file'),
     ('autostart', 'true', 'configure and activate the nodes at start'),
     ('log_level', 'info', 'debug, info, warn, error'),
     ('use_respawn', 'false', 'start a node again that has ended'),
