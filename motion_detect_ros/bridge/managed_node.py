@@ -20,6 +20,8 @@ from motion_detect_ros.bridge.qos import diagnostics_qos, overridable
 from motion_detect_ros.core.errors import MotionDetectError, SourceError
 
 DIAGNOSTICS_PERIOD_S = 1.0
+#: How long who requested a shutdown gets for its answer and a look at the state before the process ends, seconds.
+SHUTDOWN_LINGER_S = 0.5
 #: Seconds between two warnings about the same thing.
 WARNING_PERIOD_S = 5.0
 
@@ -138,9 +140,15 @@ class ManagedNode(LifecycleNode):
         return result
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Lifecycle: over."""
+        """Lifecycle: over; the process ends as soon as who requested it has the answer."""
         self._leave()
+        self._configured = False
+        self.every(SHUTDOWN_LINGER_S, self._finish)
         return super().on_shutdown(state)
+
+    def _finish(self) -> None:
+        if not self.finished.done():
+            self.finished.set_result(None)
 
     def fail(self, error: Exception, quiet: bool = False) -> None:
         """Log why the node cannot work, unless ``quiet``; diagnostics are ERROR until it starts again."""

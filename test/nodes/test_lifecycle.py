@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
+import threading
+from collections.abc import Iterator
 from typing import Any
 
+import cv2
 import pytest
+import rclpy
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from peers import Peer, small
+from peers import TIMEOUT_S, Peer, picture, small
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import Trigger
+
+from motion_detect_ros.bridge.managed_node import ManagedNode
+from motion_detect_ros.cli.live import own_domain
 
 UNCONFIGURED, INACTIVE = State.PRIMARY_STATE_UNCONFIGURED, State.PRIMARY_STATE_INACTIVE
 ACTIVE, FINALIZED = State.PRIMARY_STATE_ACTIVE, State.PRIMARY_STATE_FINALIZED
@@ -22,6 +33,8 @@ SHUTDOWNS = {UNCONFIGURED: Transition.TRANSITION_UNCONFIGURED_SHUTDOWN,
              INACTIVE: Transition.TRANSITION_INACTIVE_SHUTDOWN, ACTIVE: Transition.TRANSITION_ACTIVE_SHUTDOWN}
 LABELS = {Transition.TRANSITION_CONFIGURE: 'configure', Transition.TRANSITION_CLEANUP: 'cleanup',
           Transition.TRANSITION_ACTIVATE: 'activate', Transition.TRANSITION_DEACTIVATE: 'deactivate'}
+WAY_TO = {UNCONFIGURED: (), INACTIVE: (Transition.TRANSITION_CONFIGURE,),
+          ACTIVE: (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)}
 #: Every transition of lifecycle_msgs, and one that is none.
 EVERY = sorted({getattr(Transition, name) for name in dir(Transition) if name.startswith('TRANSITION_')} | {200})
 #: The way through all states that a node can come back to.
@@ -68,7 +81,7 @@ def test_every_transition_in_every_state(node: str, peer: Peer, start):
 
 
 def test_random_sequences(peer: Peer, start):
-    """What a node answers, and where it is then, over and over; shutdown ends a node and is tried apart."""
+    """What a node answers, and where it is then, over and over; shutdown ends a node and has tests of its own."""
     chance = random.Random(SEED)
     process = start('overlay')
     managed = Managed(peer, 'overlay')
@@ -87,6 +100,63 @@ def test_random_sequences(peer: Peer, start):
         assert managed.state == state, steps
     assert taken > SEQUENCES
     assert process.poll() is None
+
+
+@pytest.mark.parametrize('label', [True, False], ids=['label', 'number'])
+@pytest.mark.parametrize('state', SHUTDOWNS)
+def test_shutdown_ends_the_process(state: int, label: bool, peer: Peer, start):
+    process = start('overlay', '-p', 'autostart:=false')
+    managed = Managed(peer, 'overlay')
+    for number in WAY_TO[state]:
+        assert managed.change(number)
+    assert managed.change(label='shutdown') if label else managed.change(SHUTDOWNS[state])
+    assert peer.until(lambda: process.poll() is not None)
+    assert process.returncode == 0
+
+
+def test_shutdown_ends_an_active_stage_and_source(peer: Peer, start, tmp_path):
+    cv2.imwrite(str(tmp_path / '0.png'), picture(0))
+    waiting = ('-p', f'source:={tmp_path}', '-p', 'wait_for_subscribers:=9')
+    processes = [start('ego_motion', *small()), start('camera', *waiting)]
+    for name in ('ego_motion', 'camera'):
+        managed = Managed(peer, name)
+        assert peer.until(lambda managed=managed: managed.state == ACTIVE)
+        assert managed.change(SHUTDOWNS[ACTIVE])
+    assert [process.wait(TIMEOUT_S) for process in processes] == [0, 0]
+
+
+@pytest.fixture
+def node_here(monkeypatch: pytest.MonkeyPatch) -> Iterator[ManagedNode]:
+    """A node in this process, which nothing ends."""
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    rclpy.init(domain_id=own_domain(), signal_handler_options=SignalHandlerOptions.NO)
+    node, executor = ManagedNode('here'), SingleThreadedExecutor()
+    executor.add_node(node)
+    thread = threading.Thread(target=spin_until_shutdown, args=(executor,))
+    thread.start()
+    yield node
+    rclpy.shutdown()
+    thread.join()
+    node.destroy_node()
+
+
+def spin_until_shutdown(executor: SingleThreadedExecutor) -> None:
+    with contextlib.suppress(ExternalShutdownException):
+        executor.spin()
+
+
+def test_reset_clears_the_history_of_a_configured_node_only(node_here: ManagedNode, peer: Peer):
+    managed = Managed(peer, 'here')
+    answers = [peer.call(Trigger, '/here/reset')]
+    for number in (*WAY_TO[ACTIVE], SHUTDOWNS[ACTIVE]):
+        assert managed.change(number)
+        answers.append(peer.call(Trigger, '/here/reset'))
+    assert managed.state == FINALIZED
+    refused = (False, 'expected a configured node, nothing to clear')
+    cleared = (True, 'history cleared')
+    assert [(each.success, each.message) for each in answers] == [refused, cleared, cleared, refused]
+    assert not any(managed.change(number) for number in EVERY)
+    assert managed.state == FINALIZED
 
 
 def test_configure_of_a_node_that_started_by_itself_is_refused_with_a_reason(peer: Peer, start, tmp_path):
