@@ -28,7 +28,7 @@ NODE_PARTS = ('transport', 'start', 'memory')
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""
-    parser.add_argument('--preset', default='default', help='settings: default, visdrone, kitti, report, or a YAML file')
+    parser.add_argument('--preset', default='default', help='settings: default, visdrone, kitti, report or a YAML file')
     parser.add_argument('--frames', type=int, default=60, help=f'frames of each measurement, at least {MIN_FRAMES}')
     parser.add_argument('--parts', help=f'some of {",".join(PARTS)}, separated by commas; the others stay as the '
                                         'file of --json has them; default: all')

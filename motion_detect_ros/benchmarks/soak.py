@@ -168,7 +168,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='soak', description=__doc__.partition('\n')[0])
     parser.add_argument('--minutes', type=float, default=30.0, help='how long')
     parser.add_argument('--rate', type=float, default=RATE_HZ, help='pictures a second, 960x540')
-    parser.add_argument('--preset', default='default', help='settings: default, visdrone, kitti, report, or a YAML file')
+    parser.add_argument('--preset', default='default', help='settings: default, visdrone, kitti, report or a YAML file')
     parser.add_argument('-o', '--output', type=Path, default=Path('out/soak'), help='folder of the files')
     given = parser.parse_args(arguments)
     try:

@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('-o', '--output', type=Path, default=Path('out/demo'), help='folder for the outputs')
     parser.add_argument('--frames', type=int, default=defaults.frames, help='length of the flight')
     parser.add_argument('--seed', type=int, default=defaults.seed, help='another seed, another flight')
-    parser.add_argument('--preset', default='default', help='settings: default, visdrone, kitti, report, or a YAML file')
+    parser.add_argument('--preset', default='default', help='settings: default, visdrone, kitti, report or a YAML file')
     parser.add_argument('--rate', type=float, help='speed of the playback against real time (default: half of what '
                         'this machine does in one process, at most 1)')
     parser.add_argument('--offline', action='store_true', help='in this process only, without ROS')

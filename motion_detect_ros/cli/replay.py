@@ -61,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('inputs', nargs='+', metavar='IN',
                         help='bag, video, image folder, VisDrone sequence or KITTI drive')
     parser.add_argument('-o', '--output', type=Path, required=True, help='folder for the outputs')
-    parser.add_argument('--preset', default='default', help='settings: default, visdrone, kitti, report, or a YAML file')
+    parser.add_argument('--preset', default='default', help='settings: default, visdrone, kitti, report or a YAML file')
     parser.add_argument('--config', help='YAML file with settings, instead of --preset')
     parser.add_argument('--fps', type=float, help=f'frames/s of inputs without time stamps (default {DEFAULT_FPS:g})')
     parser.add_argument('--topic', help='image topic of a bag that has several')
