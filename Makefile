@@ -4,13 +4,15 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 EXTRAS := .venv-extras
+JAZZY := .venv-jazzy
+PYTHON_JAZZY ?= python3.12
 
 export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 export AMENT_PREFIX_PATH := $(VIRTUAL_ENV)
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 export ROS_HOME ?= $(CURDIR)/$(VENV)/ros_home
 
-.PHONY: setup demo test test-timing test-extras lint bench clean
+.PHONY: setup demo test test-timing test-extras test-jazzy lint bench clean
 
 setup: $(STAMP)
 
@@ -57,8 +59,24 @@ $(EXTRAS)/.ready: setup.py
 	$(EXTRAS)/bin/pip install --quiet --disable-pip-version-check --no-deps trackeval
 	@touch $@
 
+# The tests under the Python, NumPy, SciPy and OpenCV of Ubuntu 24.04, where ROS 2 Jazzy is at home. test_packaging.py
+# and the benchmarks compare with requirements.lock.
+test-jazzy: export VIRTUAL_ENV := $(CURDIR)/$(JAZZY)
+test-jazzy: export AMENT_PREFIX_PATH := $(CURDIR)/$(JAZZY)
+test-jazzy: export ROS_HOME := $(CURDIR)/$(JAZZY)/ros_home
+test-jazzy: export PYTHONPATH := $(CURDIR)
+test-jazzy: $(JAZZY)/.ready
+	$(JAZZY)/bin/python -m pytest -p no:cacheprovider -m "not timing" test/core test/sources test/bridge test/cli test/nodes test/faults
+
+$(JAZZY)/.ready: requirements-jazzy.lock
+	@$(PYTHON_JAZZY) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 12))' || \
+	  { echo "motion_detect_ros: expected Python 3.12 as $(PYTHON_JAZZY); set PYTHON_JAZZY=" >&2; exit 2; }
+	$(PYTHON_JAZZY) -m venv $(JAZZY)
+	$(JAZZY)/bin/pip install --quiet --disable-pip-version-check -r requirements-jazzy.lock
+	@touch $@
+
 bench: $(STAMP)
 	$(BIN)/python -m motion_detect_ros bench
 
 clean:
-	rm -rf $(VENV) $(EXTRAS) build install log out *.egg-info
+	rm -rf $(VENV) $(EXTRAS) $(JAZZY) build install log out *.egg-info

@@ -96,7 +96,7 @@ def test_installed_package_finds_its_presets_away_from_the_source_tree(pip_prefi
     printed = run(sys.executable, '-c', code, cwd=tmp_path, PYTHONPATH=str(pip_prefix),
                   AMENT_PREFIX_PATH=str(pip_prefix))
     assert printed.startswith(str(pip_prefix))
-    assert "['default', 'kitti', 'visdrone']" in printed
+    assert "['default', 'kitti', 'report', 'visdrone']" in printed
 
 
 def test_every_installed_entry_point_leads_to_a_function(pip_prefix: Path) -> None:

@@ -201,7 +201,7 @@ def test_best_effort_camera_namespace_and_calibration(peer, start):
     play(peer, publisher, answers, range(FRAMES))
     records = read_detections(answers[-1])
     assert len(records) == 1
-    ray = np.array([(records['u'][0] - 160) / 300, (records['v'][0] - 120) / 300, 1.0])
+    ray = np.array([(records['u'][0] - 160.5) / 300, (records['v'][0] - 120.5) / 300, 1.0])  # u, v count from the edge
     got = [float(records[name][0]) for name in ('bearing_x', 'bearing_y', 'bearing_z')]
     np.testing.assert_allclose(got, ray / math.sqrt(ray @ ray), atol=1e-5)
 
@@ -244,7 +244,7 @@ def test_calibration_is_that_of_the_images_as_they_are(peer, start, tmp_path, re
         p=[200.0, 0.0, 160.0, 0.0, 0.0, 200.0, 120.0, 0.0, 0.0, 0.0, 1.0, 0.0]))
     play(peer, publisher, answers, range(FRAMES))
     record, = read_detections(answers[-1])
-    assert record['bearing_x'] / record['bearing_z'] == pytest.approx((record['u'] - 160.0) / focal, rel=1e-4)
+    assert record['bearing_x'] / record['bearing_z'] == pytest.approx((record['u'] - 160.5) / focal, rel=1e-4)
     warned = 'distortion is ignored' in (tmp_path / 'pipeline.log').read_text()
     assert warned == (rectified == 'false')
 
