@@ -19,7 +19,7 @@ def test_default_yaml_is_every_default():
     assert load_preset('default') == PipelineConfig()
 
 
-@pytest.mark.parametrize('name', ['default', 'kitti', 'visdrone'])
+@pytest.mark.parametrize('name', ['default', 'kitti', 'report', 'visdrone'])
 def test_presets_hold_known_parameters_only(name):
     known = {setting for setting, _, _ in settings(PipelineConfig())} | NODE_PARAMETERS
     assert set(read_parameters(find_config(f'{name}.yaml'))) <= known

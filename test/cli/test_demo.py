@@ -105,7 +105,8 @@ def demo(*words: str | Path) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize(('words', 'message'), [
     (('--frames', '3'), 'error: --frames: expected 20 or more, got 3'),
     (('--rate', '0'), 'error: --rate: expected a number over 0, got 0'),
-    (('--preset', 'moon', '--offline'), 'error: moon: expected a preset (default, kitti, report, visdrone) or a YAML file'),
+    (('--preset', 'moon', '--offline'),
+     'error: moon: expected a preset (default, kitti, report, visdrone) or a YAML file'),
     (('-o', '/proc/demo'), 'error: /proc/demo/flight.mcap.part: cannot be written: No such file or directory'),
 ])
 def test_wrong_use_is_one_line(words: tuple[str, ...], message: str, tmp_path: Path) -> None:
