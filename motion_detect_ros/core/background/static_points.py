@@ -13,25 +13,24 @@ import numpy as np
 from motion_detect_ros.core.background.planar import Background, background_of_static_points
 from motion_detect_ros.core.config import BackgroundConfig
 from motion_detect_ros.core.geometry.epipolar import PoseEstimate, epipolar_lines, estimate_pose, normalised
-from motion_detect_ros.core.geometry.ground_plane import GroundPlane, ground_below
+from motion_detect_ros.core.geometry.ground_plane import ground_below
 from motion_detect_ros.core.geometry.warp import grid_points
 from motion_detect_ros.core.types import CameraModel, FloatArray
 
 
 @dataclass(frozen=True)
 class StaticScene:
-    """``background``: as for a planar scene; ``motion`` of the camera; ``ground`` where there is one."""
+    """``background``: as for a planar scene; ``motion`` of the camera."""
 
     background: Background
     motion: PoseEstimate
-    ground: GroundPlane | None
 
 
 def fit_static_scene(
     flow: FloatArray, residual: FloatArray, camera: CameraModel, config: BackgroundConfig,
     start: PoseEstimate | None = None,
 ) -> StaticScene | None:
-    """Camera motion and ground from the flow; None where the flow does not determine them.
+    """Camera motion and background from the flow; None where the flow does not determine them.
 
     flow: (gh, gw, 2) total displacement, pixels; residual: the same without the ego-motion, NaN = invalid;
     start: camera motion of the frame before. The background is relative to the ego-motion, as ``residual`` is.
@@ -48,4 +47,4 @@ def fit_static_scene(
     ground = ground_below(earlier, lines.inverse_depth(s), reach_px, known & (now[..., 1] > 0.0))
     least = ground.least_inverse_depth(earlier) if ground else np.zeros_like(s)
     object_flow = (now - lines.at(np.maximum(s, lines.from_inverse_depth(least)))) * [camera.fx, camera.fy]
-    return StaticScene(background_of_static_points(residual, object_flow, flow, config), motion, ground)
+    return StaticScene(background_of_static_points(residual, object_flow, flow, config), motion)

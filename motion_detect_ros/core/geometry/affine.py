@@ -1,4 +1,4 @@
-"""The six-parameter affine motion, as parameters and as matrix.
+"""The six-parameter affine motion, from parameters to matrix.
 
 dx = a0 + a1 x + a2 y,  dy = a3 + a4 x + a5 y   (Bergen et al. 1992, equation 7), with x, y the position of a
 background point in the previous frame and dx, dy its displacement to the current one.
@@ -15,12 +15,6 @@ def affine_matrix(params: DoubleArray) -> DoubleArray:
     """(6,) a0..a5 -> (3, 3) matrix that maps previous pixel to current pixel."""
     a0, a1, a2, a3, a4, a5 = params
     return np.array([[1.0 + a1, a2, a0], [a4, 1.0 + a5, a3], [0.0, 0.0, 1.0]])
-
-
-def affine_params(matrix: DoubleArray) -> DoubleArray:
-    """(3, 3) -> (6,) a0..a5, the inverse of ``affine_matrix``; the last row is ignored."""
-    m = matrix
-    return np.array([m[0, 2], m[0, 0] - 1.0, m[0, 1], m[1, 2], m[1, 0], m[1, 1] - 1.0])
 
 
 def to_centre(centre: DoubleArray) -> DoubleArray:

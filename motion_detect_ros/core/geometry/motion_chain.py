@@ -14,11 +14,10 @@ MAX_LINKS = 16
 
 @dataclass(frozen=True)
 class ChainedMotion:
-    """``matrix``: (3, 3) pixel of the frame of ``stamp_ns``, ``frames`` ago, -> current pixel."""
+    """``matrix``: (3, 3) pixel of the frame of ``stamp_ns`` -> current pixel."""
 
     stamp_ns: int
     matrix: DoubleArray
-    frames: int
 
 
 class MotionChain:
@@ -51,7 +50,7 @@ class MotionChain:
     def chained(self) -> list[ChainedMotion]:
         """The motion from every earlier frame of the chain, latest frame first."""
         found, matrix = [], np.eye(3)
-        for frames, link in enumerate(reversed(self._links), start=1):
+        for link in reversed(self._links):
             matrix = matrix @ link.matrix
-            found.append(ChainedMotion(link.prev_stamp_ns, matrix, frames))
+            found.append(ChainedMotion(link.prev_stamp_ns, matrix))
         return found

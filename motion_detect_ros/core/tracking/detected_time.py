@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import deque
 
-#: Share of a frame's period that sums of periods may miss: times are met to the nearest frame, whatever the jitter.
-TOLERANCE = 0.5
+#: Share of a frame's period that sums of periods may miss, for jitter. Beyond that times round up to whole frames:
+#: two frames of 20 Hz are not 0.12 s, and two chance candidates in a row must not confirm each other.
+TOLERANCE = 0.25
 #: A single detection never confirms, however long the frame's period.
 MIN_DETECTIONS = 2
 #: Least number of frames kept, and number of misses that are tolerated, whatever their duration: at a low frame rate,

@@ -184,7 +184,7 @@ class Track:
         self._coast(dt_s)
 
     def coasted_no_longer_than(self, seconds: float) -> bool:
-        """To the nearest frame; one frame is always allowed unless none is (0 s)."""
+        """Up to jitter of the period; one frame is always allowed unless none is (0 s)."""
         if not self._coasted_frames:
             return True
         period_s = self.coasted_s / self._coasted_frames

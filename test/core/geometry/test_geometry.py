@@ -49,7 +49,7 @@ class TestMotionChain:
         chain.append(ego(1, 2, np.diag([2.0, 2.0, 1.0])))
         back = chain.nearest(2.0)
         # (1, 1) two frames ago: + (5, 0) = (6, 1), doubled = (12, 2)
-        assert back.stamp_ns == 0 and back.frames == 2
+        assert back.stamp_ns == 0
         np.testing.assert_allclose(back.matrix @ [1, 1, 1], [12, 2, 1])
 
     @pytest.mark.parametrize(('seconds', 'frames'), [(0.01, 1), (0.2, 2), (0.26, 3), (9.0, 4)])
@@ -57,13 +57,13 @@ class TestMotionChain:
         chain = MotionChain()
         for index in range(4):
             chain.append(ego(index / 10, (index + 1) / 10, np.eye(3)))
-        assert chain.nearest(seconds).frames == frames
+        assert chain.nearest(seconds).stamp_ns == round((4 - frames) / 10 * SECOND)
 
     def test_broken_by_a_missing_or_failed_link(self):
         chain = MotionChain()
         chain.append(ego(0, 1, shift(1, 0)))
         chain.append(ego(2, 3, shift(1, 0)))
-        assert [back.frames for back in chain.chained()] == [1]
+        assert [back.stamp_ns for back in chain.chained()] == [2 * SECOND]
         chain.append(ego(3, 4, np.eye(3), EgoStatus.LOW_TEXTURE))
         assert chain.nearest(1.0) is None
 
@@ -86,7 +86,10 @@ class TestBackground:
         noisy[:30, :60] += 9.0  # 30 %
         noisy[40, 40] = np.nan
         found = fit_background(noisy, BackgroundConfig(noise_floor_px=0.01, noise_share=0.0), np.zeros((60, 100)))
-        assert np.abs(found.flow - true).max() < 0.15
+        error = np.abs(found.flow - true).max(axis=-1)
+        assert error[30:].max() < 0.15 and error[:30, 60:].max() < 0.15
+        # Behind the outliers the surface is extrapolated: 0.15 px are one deviation of a fit to every second true cell.
+        assert error.max() < 0.6
         assert found.sigma_px[0, 0] == pytest.approx(0.5, rel=0.35)  # the median counts the outliers in: 0.62
 
     def test_nothing_known_means_infinitely_noisy(self):
