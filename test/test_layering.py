@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parent.parent / PACKAGE
 LAYERS = ('core', 'sources', 'bridge', 'nodes', 'cli', 'benchmarks')
 #: The rooms of the core, each allowed to import itself and those before it; '' is what stands outside of any room.
 ROOMS = ('geometry', 'preprocessing', 'flow_methods', 'ego_motion', 'optical_flow', 'background', 'clustering',
-         'detection', 'tracking')
+         'detection', 'trajectories', 'tracking')
 #: Modules of the core outside of rooms that every room may import; all others put rooms together.
 FOUNDATION = ('errors', 'types', 'settings', 'config', 'regions', 'forgetting')
 

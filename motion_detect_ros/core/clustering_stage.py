@@ -14,6 +14,8 @@ from motion_detect_ros.core.geometry.frame_history import ReferenceFrame
 from motion_detect_ros.core.optical_flow.conversion import residual_flow
 from motion_detect_ros.core.preprocessing.scene_mask import scene_cells
 from motion_detect_ros.core.tracking.tracker import Tracker
+from motion_detect_ros.core.trajectories.finder import TrajectoryFinder
+from motion_detect_ros.core.trajectories.union import united
 from motion_detect_ros.core.types import (
     NANOSECONDS,
     CameraModel,
@@ -42,6 +44,7 @@ class ClusteringStage:
         self.camera = camera
         self._scene = BackgroundSelector(config.background)
         self._detector = MotionDetector(config, clusterer)
+        self._trajectories = TrajectoryFinder(config) if config.trajectories.use else None
         self._tracker = Tracker(config.tracks)
         self._last: PreparedFrame | None = None
 
@@ -54,6 +57,8 @@ class ClusteringStage:
         """Clear earlier frames, neurons and tracks; ids go on counting."""
         self._scene.reset()
         self._detector.reset()
+        if self._trajectories is not None:
+            self._trajectories.reset()
         self._tracker.reset()
         self._last = None
 
@@ -70,10 +75,11 @@ class ClusteringStage:
                 part.reset()
         elif last is not None and last.stamp_ns < ego.prev_stamp_ns:
             self._tracker.coast_without_frame((ego.prev_stamp_ns - last.stamp_ns) / NANOSECONDS, frame.width)
+        from_points = self._from_points(frame, ego)
         if reference is None:
             self._tracker.coast(ego.matrix if ego.ok else None, ego.dt_s, frame.width, frame.height)
             return empty_detections()
-        candidates = self._candidates(frame, reference, flow, ego.dt_s)
+        candidates = united(self._candidates(frame, reference, flow, ego.dt_s), from_points)
         records = self._tracker.step(candidates, ego.matrix, ego.dt_s, frame.width, frame.height, frame.gray)
         return bearings(records, self.camera and self.camera.resized(frame.width, frame.height))
 
@@ -83,14 +89,20 @@ class ClusteringStage:
         residual = residual_flow(flow.flow, reference.matrix, flow.width, flow.height)
         if frame.mask is not None:
             residual[~scene_cells(frame.mask, reference.matrix, frame.scale, *residual.shape[:2])] = np.nan
-        background = self._scene.fit(flow.flow, residual, self._camera_of(flow), dt_s)
+        background = self._scene.fit(flow.flow, residual, self._camera_of(flow.width, flow.height), dt_s)
         return self._detector.candidates(flow, residual, background, frame, reference, dt_s)
 
-    def _camera_of(self, flow: FlowField) -> CameraModel:
-        """The calibration in the flow's pixels; a guess where there is none."""
+    def _from_points(self, frame: PreparedFrame, ego: EgoMotion) -> list[Candidate]:
+        if self._trajectories is None:
+            return []
+        height, width = frame.gray.shape
+        return self._trajectories.candidates(frame, ego, self._camera_of(width, height))
+
+    def _camera_of(self, width: int, height: int) -> CameraModel:
+        """The calibration in the pixels of an image of this size; a guess where there is none."""
         if self.camera is None:
-            return CameraModel.guessed(flow.width, flow.height, self._config.background.focal_share)
-        return self.camera.resized(flow.width, flow.height)
+            return CameraModel.guessed(width, height, self._config.background.focal_share)
+        return self.camera.resized(width, height)
 
 
 def _unlike(last: PreparedFrame, frame: PreparedFrame) -> bool:

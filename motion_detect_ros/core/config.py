@@ -13,11 +13,8 @@ from motion_detect_ros.core.regions import parse_regions
 from motion_detect_ros.core.settings import setting
 
 #: Methods of dense flow (``core.flow_methods``).
-FLOW_METHODS = (
-    'dis', 'dis_ultrafast', 'dis_fast', 'dis_medium', 'farneback', 'lk', 'variational',
-    'dual_tvl1', 'deepflow', 'simpleflow', 'rlof', 'pcaflow', 'onnx')
-
-
+FLOW_METHODS = ('dis', 'dis_ultrafast', 'dis_fast', 'dis_medium', 'farneback', 'lk', 'variational', 'dual_tvl1',
+                'deepflow', 'simpleflow', 'rlof', 'pcaflow', 'onnx')
 #: Features of the flow besides the motion itself (``core.clustering.feature_vectors``).
 FLOW_FEATURES = ('magnitude', 'angle', 'divergence', 'curl', 'consistency', 'temporal_change', 'hoof', 'entropy',
                  'coherence')
@@ -157,7 +154,6 @@ class BackgroundConfig:
     depth_noise_share: float = setting(
         0.02, 'share of the total flow that is added to the noise, three-dimensional background',
         low=0.0, high=1.0)
-
     noise_floor_px: float = setting(
         0.2, 'noise of the flow over the baseline is never taken to be smaller', low=0.01, high=10.0, unit='px')
     noise_share: float = setting(
@@ -237,12 +233,19 @@ class ObjectsConfig:
 
 
 @dataclass(frozen=True)
+class TrajectoriesConfig:
+    """Small and slow objects, from points tracked for a second."""
+
+    use: bool = setting(False, 'candidates from long point trajectories besides those from flow; tens of ms a frame')
+    max_points: int = setting(6000, 'points tracked at once', low=200, high=50000)
+
+
+@dataclass(frozen=True)
 class TracksConfig:
     """Identity over time."""
 
     confirm_s: float = setting(
-        0.12, 'time for which an object must have been detected, two frames at least, before it is reported', low=0.0,
-        high=60.0, unit='s')
+        0.12, 'an object is reported once detected for so long, in two frames at least', low=0.0, high=60.0, unit='s')
     confirm_window_s: float = setting(
         0.24, 'time within which that must be', low=0.0, high=60.0, unit='s')
     confirm_log_odds: float = setting(
@@ -250,8 +253,7 @@ class TracksConfig:
     show_log_odds: float = setting(
         0.0, 'a confirmed track is reported while its summed log odds are at least this', low=-100.0, high=100.0)
     coast_s: float = setting(
-        0.12, 'how long a confirmed track lives without detection, one frame at least unless 0', low=0.0, high=60.0,
-        unit='s')
+        0.12, 'a confirmed track lives so long undetected, one frame at least unless 0', low=0.0, high=60.0, unit='s')
     appearance: str = setting(
         'none', 'objects that stop are recognised by their appearance: template (pixels) or camshift (grey values)',
         choices=('none', 'template', 'camshift'))
@@ -293,5 +295,6 @@ class PipelineConfig:
     background: BackgroundConfig = BackgroundConfig()
     art2: Art2Config = Art2Config()
     objects: ObjectsConfig = ObjectsConfig()
+    trajectories: TrajectoriesConfig = TrajectoriesConfig()
     tracks: TracksConfig = TracksConfig()
     load: LoadConfig = LoadConfig()

@@ -1,0 +1,79 @@
+"""From frames to candidates of small and slow objects: points, their motion, clusters, boxes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.trajectories.clusters import Cluster, find_clusters
+from motion_detect_ros.core.trajectories.object_motion import PointMotion, object_motion
+from motion_detect_ros.core.trajectories.point_boxes import BoxFitter, NearestPoints, PointBox
+from motion_detect_ros.core.trajectories.point_scoring import point_log_odds
+from motion_detect_ros.core.trajectories.points import Points, PointTracker
+from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
+from motion_detect_ros.core.types import BoolArray, CameraModel, EgoMotion, PreparedFrame
+
+#: Points younger than this do not tell whether they stand still, seconds.
+STILL_S = 0.2
+#: Share of its size that such an object must have travelled before it is reported.
+TRAVEL_SHARE = 0.3
+#: ``Candidate.cluster`` of what no ART2 neuron won.
+NO_NEURON = 0
+
+
+class TrajectoryFinder:
+    """Holds the points and the frames of the last second."""
+
+    def __init__(self, config: PipelineConfig) -> None:
+        self._config = config.objects
+        self._frames = RecentFrames()
+        self._tracker = PointTracker(config.trajectories.max_points)
+
+    def reset(self) -> None:
+        """Clear frames and points."""
+        self._frames.reset()
+        self._tracker.reset()
+
+    def candidates(self, frame: PreparedFrame, ego: EgoMotion, camera: CameraModel) -> list[Candidate]:
+        """Objects in ``frame``; ego: motion into it; camera: of its working resolution."""
+        if not self._frames.add(frame, ego):
+            self._tracker.reset()
+        points = self._tracker.step(self._frames, frame.mask)
+        if len(self._frames) < 2:
+            return []
+        motion = object_motion(points, self._frames, camera)
+        old = points.age >= self._frames.nearest(STILL_S)
+        clusters = find_clusters(points, motion, old, frame.gray.shape[1])
+        return self._boxed(clusters, points, motion, old, frame) if clusters else []
+
+    def _boxed(
+        self, clusters: list[Cluster], points: Points, motion: PointMotion, old: BoolArray, frame: PreparedFrame,
+    ) -> list[Candidate]:
+        owner = np.full(len(points), -1, np.intp)
+        for number, cluster in enumerate(clusters):
+            owner[cluster.members] = number
+        nearest = NearestPoints(points.now[old], owner[old], frame.gray.shape)
+        fitter = BoxFitter(points, self._frames, frame.mask, nearest, self._config)
+        boxes = [fitter.fit(cluster, number) for number, cluster in enumerate(clusters)]
+        return [_candidate(cluster, box, points, motion, old, frame)
+                for cluster, box in zip(clusters, boxes, strict=True)
+                if box is not None and min(box.high - box.low) >= self._config.min_side_px]
+
+
+def _candidate(
+    cluster: Cluster, box: PointBox, points: Points, motion: PointMotion, old: BoolArray, frame: PreparedFrame,
+) -> Candidate:
+    inside = old & ((points.now >= box.low - 0.5) & (points.now <= box.high - 0.5)).all(axis=1)
+    share = float((inside & motion.moving).sum() / max(1, inside.sum()))
+    odds = point_log_odds(len(cluster.members), share, _spread(cluster, motion))
+    return Candidate((box.low + box.high) / (2.0 * frame.scale), (box.high - box.low) / frame.scale,
+                     cluster.velocity / frame.scale,
+                     box.pixels / frame.scale ** 2, odds, NO_NEURON, travel_share=TRAVEL_SHARE)
+
+
+def _spread(cluster: Cluster, motion: PointMotion) -> float:
+    """Median deviation of the points' velocities, share of their speed."""
+    deviation = motion.velocity[cluster.members] - cluster.velocity
+    speed = max(1e-3, float(np.hypot(*cluster.velocity)))
+    return float(np.median(np.hypot(deviation[:, 0], deviation[:, 1]))) / speed

@@ -1,0 +1,89 @@
+"""Where trajectories start: strongest corner (Shi and Tomasi 1994) of each free cell, denser where things change."""
+
+from __future__ import annotations
+
+import cv2
+import numba
+import numpy as np
+
+from motion_detect_ros.core.geometry.warp import stabilise
+from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
+from motion_detect_ros.core.types import BoolArray, FloatArray
+
+#: Cells of one point each, pixels, everywhere and where the image changed.
+CELL_PX, CHANGED_CELL_PX = 16, 5
+#: Pixels at the image border without points.
+BORDER_PX = 5
+#: Window of the corner response, pixels, and its least value (OpenCV's scale, 8-bit images).
+CORNER_WINDOW_PX, LEAST_RESPONSE = 5, 2e-4
+#: Change: difference to the stabilised frame so long ago, seconds; mean over 3 x 3 pixels of so many grey levels, in so
+#: many pixels of a cell.
+CHANGE_S, CHANGE_WINDOW_PX, CHANGE_GRAY, CHANGED_PIXELS = 0.16, 3, 8.0, 3
+SEED = 0
+
+
+class NewPoints:
+    """Places of new points. Free cells are filled in random order, so that a full quota thins all regions alike."""
+
+    def __init__(self, max_points: int) -> None:
+        self._max_points = max_points
+        self.reset()
+
+    def reset(self) -> None:
+        """Start the random order anew."""
+        self._random = np.random.default_rng(SEED)
+
+    def places(self, taken: FloatArray, frames: RecentFrames, mask: BoolArray | None) -> FloatArray:
+        """(n, 2) pixels, n + N at most the quota. taken: (N, 2) where points are; mask: (h, w), False = no points."""
+        places = np.empty((max(0, self._max_points - len(taken)), 2), np.float32)
+        if not len(places):
+            return places
+        response = cv2.cornerMinEigenVal(frames[0].gray, CORNER_WINDOW_PX, ksize=3)
+        if mask is not None:
+            response[~mask] = 0.0
+        everywhere = np.ones(response.shape, np.bool_)
+        found = self._fill(places, 0, response, everywhere, taken, CELL_PX)
+        ago = frames.nearest(CHANGE_S)
+        if ago:
+            so_far = np.concatenate([taken, places[:found]])
+            found = self._fill(places, found, response, _changed(frames, ago), so_far, CHANGED_CELL_PX)
+        return places[:found]
+
+    def _fill(
+        self, places: FloatArray, found: int, response: FloatArray, wanted: BoolArray, taken: FloatArray, cell_px: int,
+    ) -> int:
+        rows, columns = (-(-size // cell_px) for size in response.shape)
+        free = np.ones((rows, columns), np.bool_)
+        column, row = (taken // cell_px).astype(np.intp).T
+        free[row, column] = False
+        order = self._random.permutation(np.flatnonzero(free))
+        return int(_strongest(response, wanted, order, columns, cell_px, places, found))
+
+
+def _changed(frames: RecentFrames, ago: int) -> BoolArray:
+    """(h, w) where the current frame differs from the stabilised one ``ago``."""
+    earlier = stabilise(frames[ago].gray, frames[ago].matrix)
+    difference = cv2.blur(cv2.absdiff(frames[0].gray, earlier), (CHANGE_WINDOW_PX, CHANGE_WINDOW_PX))
+    changed: BoolArray = difference > CHANGE_GRAY
+    return changed
+
+
+@numba.njit(cache=True, nogil=True)
+def _strongest(response, wanted, order, columns, cell_px, places, found):  # type: ignore[no-untyped-def]
+    """Writes the strongest place of each cell of ``order`` to ``places`` from ``found`` on; returns the new number."""
+    height, width = response.shape
+    for cell in order:
+        if found >= len(places):
+            break
+        top, left = (cell // columns) * cell_px, (cell % columns) * cell_px
+        best, count = np.float32(LEAST_RESPONSE), 0
+        x = y = -1
+        for r in range(max(top, BORDER_PX), min(top + cell_px, height - BORDER_PX)):
+            for c in range(max(left, BORDER_PX), min(left + cell_px, width - BORDER_PX)):
+                count += wanted[r, c]
+                if response[r, c] > best:
+                    best, x, y = response[r, c], c, r
+        if x >= 0 and count >= CHANGED_PIXELS:
+            places[found, 0], places[found, 1] = x, y
+            found += 1
+    return found

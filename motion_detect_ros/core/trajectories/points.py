@@ -1,0 +1,161 @@
+"""Long-lived points, tracked from frame to frame at working resolution (Lucas and Kanade 1981; Bouguet 2001).
+
+A point starts from the ego-motion and its own velocity, so no pyramid is needed, and what is a few pixels large keeps
+its own motion. Every second frame points are tracked back as well (Kalal et al. 2010). Lengths are pixels of the
+working resolution and do not scale with it: they belong to the tracker's window.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from motion_detect_ros.core.geometry.warp import apply
+from motion_detect_ros.core.trajectories.new_points import BORDER_PX, NewPoints
+from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrames
+from motion_detect_ros.core.types import BoolArray, ByteArray, FloatArray
+
+#: Window of the tracker, pixels; its iterations and the step, pixels, at which they end; least eigenvalue of its
+#: matrix, and largest mean error, grey levels.
+WINDOW_PX = 9
+ITERATIONS, SMALL_STEP_PX = 12, 0.02
+LEAST_EIGENVALUE, MAX_ERROR_GRAY = 6e-4, 18.0
+#: How often points are tracked back, frames, and the largest accepted forward-backward error, pixels.
+CHECK_EVERY, FORWARD_BACKWARD_PX = 2, 0.3
+#: Of points in one cell of this size the oldest stays, pixels.
+THINNED_PX = 2
+#: Weight of a new velocity against the remembered one.
+VELOCITY_GAIN = 0.5
+#: New points start with the mean velocity of those in their cell of this size, pixels.
+NEIGHBOURHOOD_PX = 24
+#: Cells are numbered row by row for images up to this width, pixels.
+MAX_WIDTH_PX = 8192
+
+_CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, ITERATIONS, SMALL_STEP_PX)
+
+
+def _no_points() -> FloatArray:
+    return np.zeros((0, MAX_FRAMES, 2), np.float32)
+
+
+@dataclass(frozen=True)
+class Points:
+    """``path``: (N, MAX_FRAMES, 2) positions, pixels, current one first, NaN before a point's start; ``age``: (N,)
+    frames since the start, at most MAX_FRAMES - 1; ``velocity``: (N, 2) beyond the ego-motion, pixels/s.
+    """
+
+    path: FloatArray = field(default_factory=_no_points)
+    age: npt.NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
+    velocity: FloatArray = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+
+    def __len__(self) -> int:
+        return len(self.age)
+
+    @property
+    def now(self) -> FloatArray:
+        """(N, 2) current positions."""
+        return self.path[:, 0]
+
+    def kept(self, chosen: BoolArray | npt.NDArray[np.intp]) -> Points:
+        """Those of a mask or of indices."""
+        return Points(self.path[chosen], self.age[chosen], self.velocity[chosen])
+
+    def started(self, places: FloatArray) -> Points:
+        """With new ones at ``places``, (n, 2)."""
+        path = np.full((len(places), MAX_FRAMES, 2), np.nan, np.float32)
+        path[:, 0] = places
+        return Points(np.concatenate([self.path, path]), np.r_[self.age, np.zeros(len(places), np.int32)],
+                      np.concatenate([self.velocity, self._velocities_near(places)]))
+
+    def _velocities_near(self, places: FloatArray) -> FloatArray:
+        """(n, 2) mean velocity of the points in the same cell, 0 where there are none."""
+        own, new = _cells(self.now, NEIGHBOURHOOD_PX), _cells(places, NEIGHBOURHOOD_PX)
+        size = 1 + int(max(own.max(initial=0), new.max(initial=0)))
+        count = np.maximum(1, np.bincount(own, minlength=size))
+        return np.stack([(np.bincount(own, self.velocity[:, axis], size) / count)[new] for axis in (0, 1)],
+                        axis=1).astype(np.float32)
+
+
+class PointTracker:
+    """Tracks points through the frames of a ``RecentFrames`` and starts new ones."""
+
+    def __init__(self, max_points: int) -> None:
+        self._new = NewPoints(max_points)
+        self.reset()
+
+    def reset(self) -> None:
+        """Clear all points."""
+        self._new.reset()
+        self._points = Points()
+        self._frames = 0
+
+    def step(self, frames: RecentFrames, mask: BoolArray | None) -> Points:
+        """Points in the current frame. mask: (h, w), False where no point may be; None = nowhere.
+
+        With one frame in ``frames`` all earlier points are cleared.
+        """
+        if len(frames) < 2:
+            self._points = Points()
+        elif len(self._points):
+            self._points = _thinned(self._tracked(frames, mask))
+        self._frames += 1
+        self._points = self._points.started(self._new.places(self._points.now, frames, mask))
+        return self._points
+
+    def _tracked(self, frames: RecentFrames, mask: BoolArray | None) -> Points:
+        points, dt_s = self._points, frames.seconds(1)
+        current, previous = frames[0].gray, frames[1].gray
+        carried = apply(frames[1].matrix, points.now)
+        start = carried + points.velocity * np.float32(dt_s)
+        now, good = _follow(previous, current, points.now, start)
+        if self._frames % CHECK_EVERY == 0:
+            back, found = _follow(current, previous, now, points.now + (now - start))
+            away = back - points.now
+            good &= found & (np.hypot(away[:, 0], away[:, 1]) < FORWARD_BACKWARD_PX)
+        good &= _usable(now, current.shape, mask)
+        velocity = (now - carried) / np.float32(dt_s)
+        gain = np.where(points.age > 0, VELOCITY_GAIN, 1.0).astype(np.float32)[:, None]
+        moved = Points(np.concatenate([now[:, None], points.path[:, :-1]], axis=1),
+                       np.minimum(points.age + 1, MAX_FRAMES - 1).astype(np.int32),
+                       points.velocity + gain * (velocity - points.velocity))
+        return moved.kept(good)
+
+
+def _follow(
+    one: ByteArray, other: ByteArray, points: FloatArray, start: FloatArray,
+) -> tuple[FloatArray, BoolArray]:
+    """(N, 2) positions in ``other``, and (N,) whether they were found."""
+    moved, found, error = cv2.calcOpticalFlowPyrLK(
+        one, other, np.ascontiguousarray(points), np.array(start, np.float32, order='C'),
+        winSize=(WINDOW_PX, WINDOW_PX), maxLevel=0, criteria=_CRITERIA, flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+        minEigThreshold=LEAST_EIGENVALUE)
+    good: BoolArray = (found.ravel() > 0) & (error.ravel() < MAX_ERROR_GRAY)
+    return moved, good
+
+
+def _usable(places: FloatArray, shape: tuple[int, ...], mask: BoolArray | None) -> BoolArray:
+    """(N,) whether a place is on the image, away from its border, and in the mask."""
+    height, width = shape
+    with np.errstate(invalid='ignore'):
+        x, y = places[:, 0], places[:, 1]
+        good: BoolArray = (x >= BORDER_PX) & (y >= BORDER_PX) & (x < width - BORDER_PX) & (y < height - BORDER_PX)
+    if mask is not None:
+        columns, rows = np.where(good[:, None], places, 0.0).astype(np.intp).T
+        good &= mask[rows, columns]
+    return good
+
+
+def _thinned(points: Points) -> Points:
+    """Without the younger of two points in one cell of ``THINNED_PX``."""
+    order = np.argsort(-points.age, kind='stable')
+    _, first = np.unique(_cells(points.now[order], THINNED_PX), return_index=True)
+    return points.kept(np.sort(order[first]))
+
+
+def _cells(places: FloatArray, size_px: int) -> npt.NDArray[np.int64]:
+    """(N,) number of the square cell of each place."""
+    column, row = (places // size_px).astype(np.int64).T
+    return row * (MAX_WIDTH_PX // size_px) + column

@@ -1,0 +1,62 @@
+"""The frames of about the last second, each with its warp to the current one, at working resolution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from motion_detect_ros.core.geometry.warp import at_scale
+from motion_detect_ros.core.types import NANOSECONDS, ByteArray, DoubleArray, EgoMotion, PreparedFrame
+
+#: How long frames are kept, seconds, and how many at most, the current one included.
+KEPT_S, MAX_FRAMES = 1.02, 32
+
+
+@dataclass(frozen=True)
+class RecentFrame:
+    """``gray``: (h, w) uint8; ``matrix``: (3, 3) its pixel -> current pixel, working resolution; ``stamp_ns``."""
+
+    gray: ByteArray
+    matrix: DoubleArray
+    stamp_ns: int
+
+
+class RecentFrames:
+    """Current frame first. Emptied where the ego-motion between two of them is missing."""
+
+    def __init__(self) -> None:
+        self._frames: list[RecentFrame] = []
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def __getitem__(self, frames_ago: int) -> RecentFrame:
+        return self._frames[frames_ago]
+
+    def reset(self) -> None:
+        """Clear all frames."""
+        self._frames.clear()
+
+    def add(self, frame: PreparedFrame, ego: EgoMotion) -> bool:
+        """Add a frame; False where it does not continue the ones before, which are cleared then."""
+        newest = self._frames[0] if self._frames else None
+        follows = (newest is not None and ego.ok and ego.prev_stamp_ns == newest.stamp_ns
+                   and newest.gray.shape == frame.gray.shape)
+        if not follows:
+            self._frames.clear()
+        step = at_scale(ego.matrix, frame.scale)
+        oldest_ns = frame.stamp_ns - round(KEPT_S * NANOSECONDS)
+        self._frames = [RecentFrame(frame.gray, np.eye(3), frame.stamp_ns),
+                        *(replace(each, matrix=step @ each.matrix) for each in self._frames[:MAX_FRAMES - 1]
+                          if each.stamp_ns >= oldest_ns)]
+        return follows
+
+    def seconds(self, frames_ago: int) -> float:
+        """Time from that frame to the current one."""
+        return (self._frames[0].stamp_ns - self._frames[frames_ago].stamp_ns) / NANOSECONDS
+
+    def nearest(self, seconds: float) -> int:
+        """How many frames ago is closest to ``seconds``; at least 1 unless there is only the current frame."""
+        choices = range(1, len(self._frames))
+        return min(choices, key=lambda ago: abs(self.seconds(ago) - seconds), default=0)

@@ -1,0 +1,225 @@
+"""Long point trajectories: against exact warps, exact parallax and rendered scenes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.geometry.warp import apply
+from motion_detect_ros.core.pipeline import MotionPipeline
+from motion_detect_ros.core.settings import with_settings
+from motion_detect_ros.core.tracking.tracker import Tracker
+from motion_detect_ros.core.trajectories.object_motion import object_motion
+from motion_detect_ros.core.trajectories.points import Points, PointTracker
+from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrames
+from motion_detect_ros.core.trajectories.union import united
+from motion_detect_ros.core.types import CameraModel, EgoMotion, EgoStatus, PreparedFrame
+from motion_detect_ros.presets import load_preset
+from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
+
+PERIOD_NS = 40_000_000
+SECOND = 25
+
+
+def smooth_texture(seed: int, height: int, width: int, sigma: float = 1.5) -> np.ndarray:
+    noise = cv2.GaussianBlur(np.random.default_rng(seed).normal(size=(height, width)), (0, 0), sigma)
+    return cv2.normalize(noise, None, 20, 235, cv2.NORM_MINMAX).astype(np.uint8)
+
+
+def warped(picture: np.ndarray, matrix: np.ndarray, width: int, height: int) -> np.ndarray:
+    return cv2.warpAffine(picture, matrix[:2], (width, height), flags=cv2.INTER_LANCZOS4)
+
+
+def prepared(gray: np.ndarray, index: int) -> PreparedFrame:
+    return PreparedFrame(gray, 1.0, gray.shape[1], gray.shape[0], (index + 1) * PERIOD_NS)
+
+
+def ego(matrix: np.ndarray, index: int) -> EgoMotion:
+    status = EgoStatus.OK if index else EgoStatus.FIRST_FRAME
+    return EgoMotion(matrix, np.eye(6), status, (index + 1) * PERIOD_NS, index * PERIOD_NS)
+
+
+class TestPoints:
+    def test_they_follow_an_exact_warp_for_a_second(self) -> None:
+        turn = np.vstack([cv2.getRotationMatrix2D((240, 180), 0.3, 1.002), [0, 0, 1]])
+        turn[:2, 2] += 1.3, -0.7
+        ground = smooth_texture(1, 560, 680)
+        offset = np.array([[1, 0, -100], [0, 1, -100], [0, 0, 1]], float)
+        frames, tracker, points = RecentFrames(), PointTracker(3000), Points()
+        for index in range(SECOND + 1):
+            matrix = np.linalg.matrix_power(turn, index)
+            frames.add(prepared(warped(ground, matrix @ offset, 480, 360), index), ego(turn, index))
+            points = tracker.step(frames, None)
+        old = points.age >= SECOND
+        true = apply(np.linalg.matrix_power(turn, SECOND), points.path[old, SECOND])
+        error = np.hypot(*(points.now[old] - true).T)
+        assert old.sum() > 200
+        assert np.median(error) < 0.2
+        assert np.percentile(error, 95) < 0.4
+
+    def test_a_missing_ego_motion_clears_them(self) -> None:
+        gray = smooth_texture(1, 200, 300)
+        frames, tracker = RecentFrames(), PointTracker(500)
+        for index in range(4):
+            frames.add(prepared(gray, index), ego(np.eye(3), index))
+            points = tracker.step(frames, None)
+        assert points.age.max() == 3
+        assert not frames.add(prepared(gray, 4), replace(ego(np.eye(3), 4), status=EgoStatus.LOW_TEXTURE))
+        assert tracker.step(frames, None).age.max() == 0
+
+    def test_none_in_the_mask(self) -> None:
+        gray, mask = smooth_texture(1, 200, 300), np.ones((200, 300), bool)
+        mask[:, :150] = False
+        frames = RecentFrames()
+        frames.add(prepared(gray, 0), ego(np.eye(3), 0))
+        points = PointTracker(500).step(frames, mask)
+        assert len(points) > 50
+        assert points.now[:, 0].min() >= 150
+
+
+class TestObjectMotion:
+    """Points of a plane, of raised blocks and of one car, seen by a camera that travels: positions are exact."""
+
+    CAMERA = CameraModel(640, 360, 560.0, 560.0, 319.5, 179.5)
+    PITCH = np.radians(50.0)
+
+    def project(self, world: np.ndarray, x_m: float) -> np.ndarray:
+        """Camera 40 m up, looks ahead and down, at ``x_m`` to the right of its start."""
+        right, ahead, up = (world - [x_m, 0.0, 40.0]).T
+        down = -up
+        z = ahead * np.cos(self.PITCH) + down * np.sin(self.PITCH)
+        y = down * np.cos(self.PITCH) - ahead * np.sin(self.PITCH)
+        return np.stack([560.0 * right / z + 319.5, 560.0 * y / z + 179.5], axis=1)
+
+    def significance(self, own_m_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        random = np.random.default_rng(3)
+        ground = np.column_stack([random.uniform(-18, 22, 1500), random.uniform(20, 50, 1500), np.zeros(1500)])
+        blocks = np.column_stack([random.uniform(-10, 10, 200), random.uniform(25, 40, 200), random.uniform(2, 8, 200)])
+        car = np.column_stack([random.uniform(3, 5, 20), random.uniform(30, 32, 20), np.zeros(20)])
+        world, own = np.vstack([ground, blocks, car]), np.zeros((1720, 3))
+        own[1700:, 1] = own_m_s
+        path = np.full((len(world), MAX_FRAMES, 2), np.nan, np.float32)
+        for ago in range(SECOND + 1):
+            at = self.project(world - own * (ago / SECOND), 6.0 * (1 - ago / SECOND))
+            path[:, ago] = at + random.normal(0, 0.05, at.shape)
+        points = Points(path, np.full(len(world), SECOND, np.int32), np.zeros((len(world), 2), np.float32))
+        frames = RecentFrames()
+        for index in range(SECOND + 1):
+            earlier, later = path[:1500, SECOND - index], path[:1500, max(0, SECOND - index - 1)]
+            affine, _ = cv2.estimateAffine2D(np.ascontiguousarray(earlier), np.ascontiguousarray(later))
+            matrix = np.vstack([affine, [0, 0, 1]])
+            frames.add(prepared(np.zeros((360, 640), np.uint8), index), ego(matrix, index))
+        moving = object_motion(points, frames, self.CAMERA).moving
+        return moving[:1500], moving[1500:1700], moving[1700:]
+
+    def test_a_car_moves_and_raised_blocks_do_not(self) -> None:
+        ground, blocks, car = self.significance(own_m_s=3.0)
+        assert ground.mean() < 0.01
+        assert blocks.mean() < 0.05
+        assert car.mean() > 0.9
+
+    def test_nothing_moves(self) -> None:
+        assert not np.concatenate(self.significance(own_m_s=0.0)).mean() > 0.01
+
+
+SIDE, SPEED = 14, 0.8
+START = np.array([200.0, 150.0])
+GROUND, THING = smooth_texture(1, 500, 700), smooth_texture(2, SIDE, SIDE, 1.0)
+
+
+def small_mover(index: int) -> np.ndarray:
+    """The camera drifts over textured ground, a square of 14 px moves on it at 0.8 px a frame."""
+    pan = np.array([[1, 0, -60 - 1.3 * index], [0, 1, -60 - 0.4 * index], [0, 0, 1]], float)
+    picture = warped(GROUND, pan, 480, 320)
+    place = corner(index)
+    shift = np.array([[1, 0, place[0]], [0, 1, place[1]], [0, 0, 1]], float)
+    cover = warped(np.full((SIDE, SIDE), 255, np.uint8), shift, 480, 320).astype(float) / 255.0
+    framed = cv2.copyMakeBorder(THING, 2, 2, 2, 2, cv2.BORDER_REPLICATE)
+    shift[:2, 2] -= 2
+    thing = warped(framed, shift, 480, 320)
+    return np.rint(cover * thing + (1.0 - cover) * picture).clip(0, 255).astype(np.uint8)
+
+
+def corner(index: int) -> np.ndarray:
+    return START + index * np.array([SPEED - 1.3, -0.4])
+
+
+def overlap(record: np.void, index: int) -> float:
+    size = np.array([record['width'], record['height']])
+    low = np.array([record['u'], record['v']]) - size / 2
+    shared = np.clip(np.minimum(low + size, corner(index) + SIDE) - np.maximum(low, corner(index)), 0, None).prod()
+    return float(shared / (size.prod() + SIDE ** 2 - shared))
+
+
+def run(use: bool, frames: int = 40) -> list[np.ndarray]:
+    pipeline = MotionPipeline(with_settings(load_preset('visdrone'), {'trajectories.use': use}))
+    return [pipeline.process(small_mover(index), (index + 1) * PERIOD_NS).detections for index in range(frames)]
+
+
+class TestPipeline:
+    def test_small_slow_square_is_found_by_its_points_alone(self) -> None:
+        def found(runs: list[np.ndarray]) -> list[bool]:
+            return [any(overlap(record, index) > 0.3 for record in runs[index]) for index in range(25, 40)]
+
+        assert np.mean(found(run(use=True))) > 0.8
+        assert np.mean(found(run(use=False))) < 0.2
+
+    def test_same_input_same_bytes_and_reset_forgets(self) -> None:
+        pipeline = MotionPipeline(with_settings(load_preset('visdrone'), {'trajectories.use': True}))
+
+        def once() -> list[bytes]:
+            records = [pipeline.process(small_mover(index), (index + 1) * PERIOD_NS).detections for index in range(25)]
+            for each in records:
+                each['id'] = 0  # ids go on counting
+            return [each.tobytes() for each in records]
+
+        first = once()
+        pipeline.reset()
+        assert once() == first
+        assert any(first)
+
+    @pytest.mark.parametrize('preset', ['visdrone', 'default'])
+    def test_a_town_where_nothing_moves_is_silent(self, preset: str) -> None:
+        config = with_settings(load_preset(preset), {'trajectories.use': True})
+        pipeline = MotionPipeline(config)
+        flight = SyntheticFlight(FlightConfig(
+            cars=0, people=0, seed=2, frames=60, width=640, height=360, focal_px=480.0))
+        found = sum(len(pipeline.process(frame.image, frame.stamp_ns).detections) for frame in flight)
+        assert found <= 1
+
+
+def candidate(x: float, side: float, log_odds: float, speed: float = 20.0) -> Candidate:
+    return Candidate(np.array([x, 100.0]), np.array([side, side]), np.array([speed, 0.0]), side * side, log_odds, 0)
+
+
+class TestUnion:
+    def test_certain_flow_stands_before_points_and_points_before_doubtful_flow(self) -> None:
+        certain, doubtful, points = candidate(100, 20, 1.0), candidate(100, 20, -3.0), candidate(102, 16, 0.0)
+        assert united([certain], [points]) == [certain]
+        assert united([doubtful], [points]) == [points]
+        assert united([doubtful], []) == [doubtful]
+
+    def test_others_stay(self) -> None:
+        one, other = candidate(100, 20, 1.0), candidate(160, 16, 0.0)
+        assert united([one], [other]) == [one, other]
+
+    def test_a_part_beside_a_larger_object_of_its_velocity_is_dropped(self) -> None:
+        body, part = candidate(100, 40, 1.0), candidate(126, 12, 0.0)
+        assert united([body], [part]) == [body]
+        against = candidate(126, 12, 0.0, speed=-20.0)
+        assert united([body], [against]) == [body, against]
+
+
+@pytest.mark.parametrize(('step_px', 'shown'), [(0.0, 0), (0.2, 0), (1.0, 1)])
+def test_a_track_is_reported_once_it_has_travelled(step_px: float, shown: int) -> None:
+    """Ten frames, a size of 20 px and a share of 0.3: 6 px are asked for."""
+    tracker = Tracker(PipelineConfig().tracks)
+    for index in range(10):
+        seen = replace(candidate(100 + step_px * index, 20, 3.0, speed=25 * step_px), travel_share=0.3)
+        records = tracker.step([seen], np.eye(3), 0.04, 480, 320)
+    assert len(records) == shown
