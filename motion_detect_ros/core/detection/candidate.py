@@ -25,8 +25,7 @@ class Growth:
 class Candidate:
     """One detected object in one frame. ``centre``, ``size``, ``velocity_px_s``: (2,) full-resolution pixels.
 
-    ``log_odds``: that it moves, from this frame alone, see ``scoring``; ``growth``: None = not measured;
-    ``travel_share``: share of its size that a track must have travelled before it is reported on such candidates.
+    ``log_odds``: that it moves, from this frame alone, see ``scoring``; ``growth``: None = not measured.
     """
 
     centre: DoubleArray
@@ -36,4 +35,3 @@ class Candidate:
     log_odds: float
     cluster: int
     growth: Growth | None = None
-    travel_share: float = 0.0

@@ -81,7 +81,6 @@ class Track:
         self.covariance: DoubleArray = np.diag(np.r_[noise, noise, velocity_noise, velocity_noise])
         self.size = seen.size
         self.seen = seen
-        self._origin = seen.centre
         self.age = 1
         self.coasted_s, self._coasted_frames = 0.0, 0
         self.detected = DetectedTime(window_s)
@@ -104,12 +103,6 @@ class Track:
         """(2,) variance of the velocity, (pixels/s)^2, corrected by what was measured."""
         return self._spread.variance(np.diag(self.covariance)[2:])
 
-    @property
-    def has_travelled(self) -> bool:
-        """Whether it is as far from where it was first seen, against the ego-motion, as its last candidate asks for."""
-        way = self.state[:2] - self._origin
-        return bool(np.hypot(way[0], way[1]) >= self.seen.travel_share * np.sqrt(self.size[0] * self.size[1]))
-
     def inside(self, width: int, height: int) -> bool:
         """Whether the centre is on an image of ``width`` x ``height`` pixels."""
         return bool(0.0 <= self.state[0] < width and 0.0 <= self.state[1] < height)
@@ -126,10 +119,12 @@ class Track:
         matrix: (3, 3) previous pixel -> current pixel, full resolution.
         """
         self.approach.predict(dt_s)
-        moved, self._origin = _carried(matrix, self.state[:2]), _carried(matrix, self._origin)
+        x, y, vx, vy = self.state
+        moved = matrix @ [x - PIXEL_CENTRE, y - PIXEL_CENTRE, 1.0]  # boxes are in edges of pixels, warps in centres
+        moved = moved[:2] / moved[2] + PIXEL_CENTRE
         linear = matrix[:2, :2]
         scale = float(np.sqrt(abs(np.linalg.det(linear))))
-        velocity = linear @ self.state[2:]
+        velocity = linear @ [vx, vy]
         self.state = np.concatenate([moved + velocity * dt_s, velocity])
         self.size = self.size * scale
         step = np.eye(4)
@@ -202,13 +197,6 @@ class Track:
     def _add_log_odds(self, log_odds: float, weight: float, dt_s: float) -> None:
         before = kept(dt_s, LOG_ODDS_MEMORY_S) * self.log_odds
         self.log_odds = min(MAX_LOG_ODDS, before + weight * log_odds)
-
-
-def _carried(matrix: DoubleArray, place: DoubleArray) -> DoubleArray:
-    """(2,) ``place`` after the ego-motion ``matrix``; boxes are in edges of pixels, warps in centres."""
-    moved = matrix @ [place[0] - PIXEL_CENTRE, place[1] - PIXEL_CENTRE, 1.0]
-    carried: DoubleArray = moved[:2] / moved[2] + PIXEL_CENTRE
-    return carried
 
 
 def _weight(dt_s: float) -> float:

@@ -155,7 +155,7 @@ class Tracker:
     def _confirm(self) -> None:
         for track in self._tracks:
             enough = track.detected.for_at_least(self._config.confirm_s)
-            if track.id == 0 and enough and track.has_travelled and track.log_odds >= self._config.confirm_log_odds:
+            if track.id == 0 and enough and track.log_odds >= self._config.confirm_log_odds:
                 self._confirmed += 1
                 track.id = self._confirmed
 

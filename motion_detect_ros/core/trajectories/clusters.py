@@ -10,19 +10,30 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, cKDTree
 
+from motion_detect_ros.core.trajectories.changes import changed_pixels
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
 from motion_detect_ros.core.trajectories.points import Points
+from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 
-#: Longest link between two neighbours, pixels: a little over the spacing of sparse points; they move alike up to this
-#: difference of velocity, pixels/s and share of the slower one's.
-LINK_PX, LINK_PX_S, LINK_SHARE = 20.0, 2.0, 0.15
+#: Longest link between two neighbours, pixels, and how much of it must lie on what changed: a little over the spacing
+#: of sparse points; and across the plain parts of a vehicle.
+LINK_PX, LINK_COVERED, LONG_LINK_PX, LONG_LINK_COVERED = 20.0, 0.6, 60.0, 0.8
+#: Links up to this length, pixels, are within what one point's window sees.
+NEAR_PX = 6.0
+#: Displacements of two points of one object differ by no more than this, pixels and share of the smaller one: error of
+#: the tracker, turns and perspective.
+ALIKE_PX, ALIKE_SHARE = 1.0, 0.04
+#: What an object covers differs from what was there so long ago, seconds.
+COVERED_S = (0.5, 1.0)
 #: Points beyond every image, pixels, so that a triangulation always exists.
 FAR_CORNERS = 1e5 * np.array([[-1.0, -1.1], [1.2, -1.0], [1.0, 1.3], [-1.4, 1.0]], np.float32)
 #: Fewest points of a cluster, and the most moving points used, the most significant ones.
 MIN_POINTS, MAX_MOVING = 3, 2500
-#: Largest side of a cluster, share of the image width (80 of 960 pixels): dense flow sees what is larger.
-MAX_SIDE_SHARE = 1.0 / 12.0
+#: Largest side of a cluster, share of the image width (144 of 960 pixels): dense flow sees what is larger.
+MAX_SIDE_SHARE = 0.15
+#: Places along a link that are looked at, share of the way.
+ALONG = np.linspace(0.1, 0.9, 9, dtype=np.float32)[:, None, None]
 
 
 @dataclass(frozen=True)
@@ -43,46 +54,68 @@ class Cluster:
         return float((self.high - self.low).max())
 
 
-def find_clusters(points: Points, motion: PointMotion, old: BoolArray, width: int) -> list[Cluster]:
-    """Connected components of the moving points: neighbours that move alike are linked.
+def find_clusters(points: Points, motion: PointMotion, old: BoolArray, frames: RecentFrames) -> list[Cluster]:
+    """Connected components of the moving points: neighbours that move alike and have no background between them.
 
     Neighbours share an edge of the Delaunay triangulation with the points that stand still (``old``: (N,) points whose
-    motion would be known), so no link leads over one of those: the road between two cars keeps them apart.
+    motion would be known), so no link leads over one of those; nor over pixels that look as they did before.
     """
     moving = np.flatnonzero(motion.moving)
     if len(moving) > MAX_MOVING:
         moving = np.sort(moving[np.argsort(-motion.sigmas[moving], kind='stable')[:MAX_MOVING]])
     if len(moving) < MIN_POINTS:
         return []
-    links = _links(points.now, moving, np.flatnonzero(old & ~motion.moving))
-    links = links[_alike(motion.velocity[moving], links)]
+    places = points.now[moving]
+    links = _links(places, points.now[old & ~motion.moving])
+    links = links[_alike([each[moving] for each in motion.displacements], links)]
+    links = links[_covered(places, links, frames)]
     graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(len(moving), len(moving)))
     count, labels = connected_components(graph, directed=False)
     order = np.argsort(labels, kind='stable')
     groups = np.split(moving[order], np.cumsum(np.bincount(labels, minlength=count))[:-1])
     found = [_cluster(group, points, motion) for group in groups if len(group) >= MIN_POINTS]
-    return [each for each in found if each.side_px <= MAX_SIDE_SHARE * width]
+    return [each for each in found if each.side_px <= MAX_SIDE_SHARE * frames[0].gray.shape[1]]
 
 
-def _links(
-    places: FloatArray, moving: npt.NDArray[np.intp], still: npt.NDArray[np.intp],
-) -> npt.NDArray[np.intp]:
-    """(n, 2) pairs of neighbours as numbers within ``moving``."""
-    near = cKDTree(places[moving]).query(places[still], distance_upper_bound=LINK_PX)[0] < LINK_PX
-    triangles = Delaunay(np.concatenate([places[moving], places[still[near]], FAR_CORNERS])).simplices
+def _links(moving: FloatArray, still: FloatArray) -> npt.NDArray[np.intp]:
+    """(n, 2) pairs of neighbours, numbers of ``moving``."""
+    near = cKDTree(moving).query(still, distance_upper_bound=LINK_PX)[0] < LINK_PX
+    triangles = Delaunay(np.concatenate([moving, still[near], FAR_CORNERS])).simplices
     pairs = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     pairs = pairs[pairs[:, 1] < len(moving)].astype(np.intp)
-    way = places[moving[pairs[:, 0]]] - places[moving[pairs[:, 1]]]
-    short: npt.NDArray[np.intp] = pairs[np.hypot(way[:, 0], way[:, 1]) <= LINK_PX]
+    short: npt.NDArray[np.intp] = pairs[_lengths(moving, pairs) <= LONG_LINK_PX]
     return short
 
 
-def _alike(velocity: DoubleArray, links: npt.NDArray[np.intp]) -> BoolArray:
-    one, other = velocity[links[:, 0]], velocity[links[:, 1]]
-    difference = one - other
-    speed = np.minimum(np.hypot(one[:, 0], one[:, 1]), np.hypot(other[:, 0], other[:, 1]))
-    alike: BoolArray = np.hypot(difference[:, 0], difference[:, 1]) < LINK_PX_S + LINK_SHARE * speed
+def _lengths(places: FloatArray, links: npt.NDArray[np.intp]) -> FloatArray:
+    way = places[links[:, 0]] - places[links[:, 1]]
+    length: FloatArray = np.hypot(way[:, 0], way[:, 1])
+    return length
+
+
+def _alike(displacements: list[DoubleArray], links: npt.NDArray[np.intp]) -> BoolArray:
+    """(n,) whether both points moved alike over the longest baseline that both have (Brox and Malik 2010)."""
+    alike, known = np.zeros(len(links), np.bool_), np.zeros(len(links), np.bool_)
+    for way in displacements:
+        one, other = way[links[:, 0]], way[links[:, 1]]
+        difference = one - other
+        length = np.minimum(np.hypot(one[:, 0], one[:, 1]), np.hypot(other[:, 0], other[:, 1]))
+        with np.errstate(invalid='ignore'):
+            near = np.hypot(difference[:, 0], difference[:, 1]) < ALIKE_PX + ALIKE_SHARE * length
+        alike |= ~known & near
+        known |= np.isfinite(length)
     return alike
+
+
+def _covered(places: FloatArray, links: npt.NDArray[np.intp], frames: RecentFrames) -> BoolArray:
+    """(n,) whether a link lies on what changed."""
+    changed = changed_pixels(frames, sorted({frames.nearest(seconds) for seconds in COVERED_S}))
+    columns, rows = np.rint(places[links[:, 0]] * (1.0 - ALONG) + places[links[:, 1]] * ALONG).astype(np.intp).T
+    share = changed[rows, columns].mean(axis=1)
+    length = _lengths(places, links)
+    covered: BoolArray = np.where(length <= LINK_PX, (length < NEAR_PX) | (share >= LINK_COVERED),
+                                  share >= LONG_LINK_COVERED)
+    return covered
 
 
 def _cluster(members: npt.NDArray[np.intp], points: Points, motion: PointMotion) -> Cluster:

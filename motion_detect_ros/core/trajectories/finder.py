@@ -16,8 +16,8 @@ from motion_detect_ros.core.types import BoolArray, CameraModel, EgoMotion, Prep
 
 #: Points younger than this do not tell whether they stand still, seconds.
 STILL_S = 0.2
-#: Share of its size that such an object must have travelled before it is reported.
-TRAVEL_SHARE = 0.3
+#: How far around a box the points are looked at, pixels.
+AROUND_PX = 10.0
 #: ``Candidate.cluster`` of what no ART2 neuron won.
 NO_NEURON = 0
 
@@ -44,7 +44,7 @@ class TrajectoryFinder:
             return []
         motion = object_motion(points, self._frames, camera)
         old = points.age >= self._frames.nearest(STILL_S)
-        clusters = find_clusters(points, motion, old, frame.gray.shape[1])
+        clusters = find_clusters(points, motion, old, self._frames)
         return self._boxed(clusters, points, motion, old, frame) if clusters else []
 
     def _boxed(
@@ -64,16 +64,19 @@ class TrajectoryFinder:
 def _candidate(
     cluster: Cluster, box: PointBox, points: Points, motion: PointMotion, old: BoolArray, frame: PreparedFrame,
 ) -> Candidate:
-    inside = old & ((points.now >= box.low - 0.5) & (points.now <= box.high - 0.5)).all(axis=1)
-    share = float((inside & motion.moving).sum() / max(1, inside.sum()))
-    odds = point_log_odds(len(cluster.members), share, _spread(cluster, motion))
+    inside = old & _within(points, box, 0.0)
+    around = old & _within(points, box, AROUND_PX) & ~inside
+    odds = point_log_odds(len(cluster.members), _share(motion.moving, inside), _share(motion.moving, around))
     return Candidate((box.low + box.high) / (2.0 * frame.scale), (box.high - box.low) / frame.scale,
-                     cluster.velocity / frame.scale,
-                     box.pixels / frame.scale ** 2, odds, NO_NEURON, travel_share=TRAVEL_SHARE)
+                     cluster.velocity / frame.scale, box.pixels / frame.scale ** 2, odds, NO_NEURON)
 
 
-def _spread(cluster: Cluster, motion: PointMotion) -> float:
-    """Median deviation of the points' velocities, share of their speed."""
-    deviation = motion.velocity[cluster.members] - cluster.velocity
-    speed = max(1e-3, float(np.hypot(*cluster.velocity)))
-    return float(np.median(np.hypot(deviation[:, 0], deviation[:, 1]))) / speed
+def _within(points: Points, box: PointBox, margin_px: float) -> BoolArray:
+    """(N,) whether each is in the box; 0.5: from edges to centres of pixels."""
+    low, high = box.low - 0.5 - margin_px, box.high - 0.5 + margin_px
+    inside: BoolArray = np.all((points.now >= low) & (points.now <= high), axis=1)
+    return inside
+
+
+def _share(moving: BoolArray, chosen: BoolArray) -> float:
+    return float((moving & chosen).sum() / max(1, chosen.sum()))

@@ -6,7 +6,7 @@ import cv2
 import numba
 import numpy as np
 
-from motion_detect_ros.core.geometry.warp import stabilise
+from motion_detect_ros.core.trajectories.changes import changed_pixels
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.types import BoolArray, FloatArray
 
@@ -16,9 +16,8 @@ CELL_PX, CHANGED_CELL_PX = 16, 5
 BORDER_PX = 5
 #: Window of the corner response, pixels, and its least value (OpenCV's scale, 8-bit images).
 CORNER_WINDOW_PX, LEAST_RESPONSE = 5, 2e-4
-#: Change: difference to the stabilised frame so long ago, seconds; mean over 3 x 3 pixels of so many grey levels, in so
-#: many pixels of a cell.
-CHANGE_S, CHANGE_WINDOW_PX, CHANGE_GRAY, CHANGED_PIXELS = 0.16, 3, 8.0, 3
+#: Change: against the stabilised frame so long ago, seconds, in so many pixels of a cell.
+CHANGE_S, CHANGED_PIXELS = 0.16, 3
 SEED = 0
 
 
@@ -46,7 +45,7 @@ class NewPoints:
         ago = frames.nearest(CHANGE_S)
         if ago:
             so_far = np.concatenate([taken, places[:found]])
-            found = self._fill(places, found, response, _changed(frames, ago), so_far, CHANGED_CELL_PX)
+            found = self._fill(places, found, response, changed_pixels(frames, [ago]), so_far, CHANGED_CELL_PX)
         return places[:found]
 
     def _fill(
@@ -58,14 +57,6 @@ class NewPoints:
         free[row, column] = False
         order = self._random.permutation(np.flatnonzero(free))
         return int(_strongest(response, wanted, order, columns, cell_px, places, found))
-
-
-def _changed(frames: RecentFrames, ago: int) -> BoolArray:
-    """(h, w) where the current frame differs from the stabilised one ``ago``."""
-    earlier = stabilise(frames[ago].gray, frames[ago].matrix)
-    difference = cv2.blur(cv2.absdiff(frames[0].gray, earlier), (CHANGE_WINDOW_PX, CHANGE_WINDOW_PX))
-    changed: BoolArray = difference > CHANGE_GRAY
-    return changed
 
 
 @numba.njit(cache=True, nogil=True)

@@ -40,12 +40,15 @@ RELIEF, RELIEF_BASELINE_S, RELIEF_NOISE = 1.75, 0.24, 2.5
 @dataclass(frozen=True)
 class PointMotion:
     """Of N points. ``velocity``: (N, 2) against the background, pixels/s, ``sigmas``: (N,) significance of the motion,
-    0 where it is none; ``background``: (N, 2) velocity of the background beyond the ego-motion, pixels/s.
+    0 where it is none; ``background``: (N, 2) velocity of the background beyond the ego-motion, pixels/s;
+    ``displacements``: (N, 2) each, pixels against the background over each baseline, longest first, NaN for points
+    younger than that.
     """
 
     velocity: DoubleArray
     sigmas: DoubleArray
     background: DoubleArray
+    displacements: tuple[DoubleArray, ...] = ()
 
     @property
     def moving(self) -> BoolArray:
@@ -97,7 +100,8 @@ class _Measured:
 def object_motion(points: Points, frames: RecentFrames, camera: CameraModel) -> PointMotion:
     """Which points move against the background, and how fast. camera: of the working resolution."""
     baselines = _baselines(points, frames, camera)
-    motion = PointMotion(np.zeros((len(points), 2)), np.zeros(len(points)), np.zeros((len(points), 2)))
+    motion = PointMotion(np.zeros((len(points), 2)), np.zeros(len(points)), np.zeros((len(points), 2)),
+                         tuple(baseline.motion for baseline in baselines))
     used_s = np.zeros(len(points))
     for index, baseline in enumerate(baselines):
         shorter = _half_of(baseline, baselines[index + 1:])

@@ -1,35 +1,69 @@
-"""Candidates of dense flow and of point trajectories, without those that stand for the same object."""
+"""One candidate for each object, from those of dense flow and those of point trajectories."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.types import BoolArray, DoubleArray
 
-#: Candidates of flow with lower log odds give way to those of the points.
-CERTAIN_LOG_ODDS = -1.0
-#: The same object: intersection over union, or over the smaller box's area, from these on.
-SAME_IOU, SAME_CONTAINED = 0.2, 0.4
+#: Candidates of the points with lower log odds are not looked at.
+PLAUSIBLE_LOG_ODDS = -2.0
+#: Two boxes show the same place: intersection over union, share of the points' box inside, share of flow's box inside.
+SAME_IOU, POINTS_INSIDE, FLOW_INSIDE = 0.2, 0.5, 0.4
+#: Intersection over union of two views of one object, and the weight of the points' view of its box.
+ONE_OBJECT_IOU, POINTS_WEIGHT = 0.3, 0.7
 #: A part of a larger object: it is so many times smaller, beside it with this margin, share of the own size, and
 #: differs in velocity by less than this share of its own.
 LARGER, BESIDE_SHARE, ALIKE_SHARE = 1.5, 0.25, 0.3
 
 
 def united(from_flow: list[Candidate], from_points: list[Candidate]) -> list[Candidate]:
-    """One candidate for each object: flow's where flow is certain, else that of the points, else flow's."""
-    certain = [one for one in from_flow if one.log_odds >= CERTAIN_LOG_ODDS]
-    doubtful = [one for one in from_flow if one.log_odds < CERTAIN_LOG_ODDS]
-    added = _without_known(from_points, certain)
-    return [*certain, *added, *_without_known(doubtful, added)]
+    """One candidate for each object.
+
+    Where one of each source shows an object, their boxes are averaged. Elsewhere a candidate of flow gives way to those
+    of the points that are there: neighbours that flow cannot tell apart, or an object that it saw a part of.
+    """
+    from_points = [one for one in from_points if one.log_odds >= PLAUSIBLE_LOG_ODDS]
+    if not from_points or not from_flow:
+        return from_flow + from_points
+    area, other_area = _areas(from_flow)[:, None], _areas(from_points)
+    shared = _intersection(_edges(from_flow), _edges(from_points))
+    iou = shared / (area + other_area - shared)
+    same = (iou >= SAME_IOU) | (shared >= POINTS_INSIDE * other_area) | (shared >= FLOW_INSIDE * area)
+    alone: list[Candidate] = []
+    points = list(from_points)
+    for index, candidate in enumerate(from_flow):
+        there = np.flatnonzero(same[index])
+        if len(there) == 1 and iou[index, there[0]] >= ONE_OBJECT_IOU:
+            points[there[0]] = _averaged(candidate, from_points[there[0]])
+        elif not len(there):
+            alone.append(candidate)
+    alone = _without_fragments(alone, points)
+    return alone + _without_fragments(points, alone)
 
 
-def _without_known(ones: list[Candidate], others: list[Candidate]) -> list[Candidate]:
-    """Those that stand for none of the others."""
+def _averaged(from_flow: Candidate, from_points: Candidate) -> Candidate:
+    low, high = (
+        POINTS_WEIGHT * (from_points.centre + sign * from_points.size / 2.0)
+        + (1.0 - POINTS_WEIGHT) * (from_flow.centre + sign * from_flow.size / 2.0) for sign in (-1.0, 1.0))
+    return replace(from_flow, centre=(low + high) / 2.0, size=high - low, velocity_px_s=from_points.velocity_px_s,
+                   log_odds=max(from_flow.log_odds, from_points.log_odds))
+
+
+def _without_fragments(ones: list[Candidate], others: list[Candidate]) -> list[Candidate]:
+    """Those that are not beside a larger one of the others that moves the same way."""
     if not ones or not others:
         return ones
-    known = _same(ones, others) | _fragment(ones, others)
-    return [one for one, row in zip(ones, known, strict=True) if not row.any()]
+    beside = _intersection(_edges(ones, BESIDE_SHARE), _edges(others)) > 0.0
+    velocity, other_velocity = (np.array([one.velocity_px_s for one in each]) for each in (ones, others))
+    difference = velocity[:, None] - other_velocity
+    alike = (np.hypot(difference[..., 0], difference[..., 1])
+             < ALIKE_SHARE * np.hypot(velocity[:, 0], velocity[:, 1])[:, None])
+    fragment: BoolArray = beside & alike & (_areas(others) > LARGER * _areas(ones)[:, None])
+    return [one for one, row in zip(ones, fragment, strict=True) if not row.any()]
 
 
 def _edges(candidates: list[Candidate], margin_share: float = 0.0) -> tuple[DoubleArray, DoubleArray]:
@@ -48,23 +82,3 @@ def _intersection(one: tuple[DoubleArray, DoubleArray], other: tuple[DoubleArray
 def _areas(candidates: list[Candidate]) -> DoubleArray:
     area: DoubleArray = np.array([one.size for one in candidates]).prod(axis=1)
     return area
-
-
-def _same(ones: list[Candidate], others: list[Candidate]) -> BoolArray:
-    """(n, m) whether the boxes overlap by so much that they show one object."""
-    shared = _intersection(_edges(ones), _edges(others))
-    area, other_area = _areas(ones)[:, None], _areas(others)
-    same: BoolArray = ((shared >= SAME_IOU * (area + other_area - shared))
-                       | (shared >= SAME_CONTAINED * np.minimum(area, other_area)))
-    return same
-
-
-def _fragment(ones: list[Candidate], others: list[Candidate]) -> BoolArray:
-    """(n, m) whether the first is beside a larger other that moves the same way."""
-    beside = _intersection(_edges(ones, BESIDE_SHARE), _edges(others)) > 0.0
-    velocity, other_velocity = (np.array([one.velocity_px_s for one in each]) for each in (ones, others))
-    difference = velocity[:, None] - other_velocity
-    alike = (np.hypot(difference[..., 0], difference[..., 1])
-             < ALIKE_SHARE * np.hypot(velocity[:, 0], velocity[:, 1])[:, None])
-    fragment: BoolArray = beside & alike & (_areas(others) > LARGER * _areas(ones)[:, None])
-    return fragment
