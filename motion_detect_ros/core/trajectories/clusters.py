@@ -29,7 +29,7 @@ COVERED_S = (0.5, 1.0)
 #: Points beyond every image, pixels, so that a triangulation always exists.
 FAR_CORNERS = 1e5 * np.array([[-1.0, -1.1], [1.2, -1.0], [1.0, 1.3], [-1.4, 1.0]], np.float32)
 #: Fewest points of a cluster, and the most moving points used, the most significant ones.
-MIN_POINTS, MAX_MOVING = 3, 2500
+MIN_POINTS, MAX_MOVING = 5, 2500
 #: Largest side of a cluster, share of the image width (144 of 960 pixels): dense flow sees what is larger.
 MAX_SIDE_SHARE = 0.15
 #: Places along a link that are looked at, share of the way.
@@ -80,9 +80,9 @@ def find_clusters(points: Points, motion: PointMotion, old: BoolArray, frames: R
 def _links(moving: FloatArray, still: FloatArray) -> npt.NDArray[np.intp]:
     """(n, 2) pairs of neighbours, numbers of ``moving``."""
     near = cKDTree(moving).query(still, distance_upper_bound=LINK_PX)[0] < LINK_PX
-    triangles = Delaunay(np.concatenate([moving, still[near], FAR_CORNERS])).simplices
-    pairs = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
-    pairs = pairs[pairs[:, 1] < len(moving)].astype(np.intp)
+    first, neighbours = Delaunay(np.concatenate([moving, still[near], FAR_CORNERS])).vertex_neighbor_vertices
+    one, other = np.repeat(np.arange(len(first) - 1), np.diff(first)), neighbours
+    pairs = np.stack([one, other], axis=1)[(one < other) & (other < len(moving))].astype(np.intp)
     short: npt.NDArray[np.intp] = pairs[_lengths(moving, pairs) <= LONG_LINK_PX]
     return short
 
@@ -110,7 +110,7 @@ def _alike(displacements: list[DoubleArray], links: npt.NDArray[np.intp]) -> Boo
 def _covered(places: FloatArray, links: npt.NDArray[np.intp], frames: RecentFrames) -> BoolArray:
     """(n,) whether a link lies on what changed."""
     changed = changed_pixels(frames, sorted({frames.nearest(seconds) for seconds in COVERED_S}))
-    columns, rows = np.rint(places[links[:, 0]] * (1.0 - ALONG) + places[links[:, 1]] * ALONG).astype(np.intp).T
+    columns, rows = np.rint(places[links[:, 0]] * (1.0 - ALONG) + places[links[:, 1]] * ALONG).astype(np.intp).T // 2
     share = changed[rows, columns].mean(axis=1)
     length = _lengths(places, links)
     covered: BoolArray = np.where(length <= LINK_PX, (length < NEAR_PX) | (share >= LINK_COVERED),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from motion_detect_ros.core.config import PipelineConfig
@@ -12,14 +13,35 @@ from motion_detect_ros.core.trajectories.point_boxes import BoxFitter, NearestPo
 from motion_detect_ros.core.trajectories.point_scoring import point_log_odds
 from motion_detect_ros.core.trajectories.points import Points, PointTracker
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
-from motion_detect_ros.core.types import BoolArray, CameraModel, EgoMotion, PreparedFrame
+from motion_detect_ros.core.types import BoolArray, CameraModel, EgoMotion, FloatArray, PreparedFrame
 
 #: Points younger than this do not tell whether they stand still, seconds.
 STILL_S = 0.2
+#: Candidates with lower log odds are dropped; so low with the bounds of the points, no box is fitted.
+LEAST_LOG_ODDS, FITTED_LOG_ODDS = -2.0, -2.5
 #: How far around a box the points are looked at, pixels.
 AROUND_PX = 10.0
 #: ``Candidate.cluster`` of what no ART2 neuron won.
 NO_NEURON = 0
+
+
+class PointCounts:
+    """How many points there are in a box, from their summed-area table (Crow 1984)."""
+
+    def __init__(self, places: FloatArray, shape: tuple[int, ...]) -> None:
+        """places: (N, 2) pixels; shape: (h, w)."""
+        there = np.zeros(shape, np.uint8)
+        columns, rows = np.rint(places).astype(np.intp).T
+        there[rows, columns] = 1
+        self._sums = cv2.integral(there)
+
+    def within(self, box: PointBox, margin_px: float) -> int:
+        """In the box grown by a margin; two in the same pixel are one."""
+        height, width = self._sums.shape
+        left, top = np.clip(np.rint(box.low - margin_px), 0, [width - 1, height - 1]).astype(int).tolist()
+        right, bottom = np.clip(np.rint(box.high + margin_px), 0, [width - 1, height - 1]).astype(int).tolist()
+        sums = self._sums
+        return int(sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left])
 
 
 class TrajectoryFinder:
@@ -50,33 +72,30 @@ class TrajectoryFinder:
     def _boxed(
         self, clusters: list[Cluster], points: Points, motion: PointMotion, old: BoolArray, frame: PreparedFrame,
     ) -> list[Candidate]:
+        known = PointCounts(points.now[old], frame.gray.shape)
+        moving = PointCounts(points.now[old & motion.moving], frame.gray.shape)
         owner = np.full(len(points), -1, np.intp)
         for number, cluster in enumerate(clusters):
             owner[cluster.members] = number
-        nearest = NearestPoints(points.now[old], owner[old], frame.gray.shape)
-        fitter = BoxFitter(points, self._frames, frame.mask, nearest, self._config)
-        boxes = [fitter.fit(cluster, number) for number, cluster in enumerate(clusters)]
-        return [_candidate(cluster, box, points, motion, old, frame)
-                for cluster, box in zip(clusters, boxes, strict=True)
-                if box is not None and min(box.high - box.low) >= self._config.min_side_px]
+        fitter = BoxFitter(points, self._frames, frame.mask, NearestPoints(points.now[old], owner[old]), self._config)
+        found = []
+        for number, cluster in enumerate(clusters):
+            bounds = PointBox.around(cluster)
+            if _log_odds(cluster, bounds, known, moving) < FITTED_LOG_ODDS:
+                continue
+            box = fitter.fit(cluster, number)
+            if box is not None and min(box.high - box.low) >= self._config.min_side_px:
+                found.append(_candidate(cluster, box, _log_odds(cluster, box, known, moving), frame.scale))
+        return [candidate for candidate in found if candidate.log_odds >= LEAST_LOG_ODDS]
 
 
-def _candidate(
-    cluster: Cluster, box: PointBox, points: Points, motion: PointMotion, old: BoolArray, frame: PreparedFrame,
-) -> Candidate:
-    inside = old & _within(points, box, 0.0)
-    around = old & _within(points, box, AROUND_PX) & ~inside
-    odds = point_log_odds(len(cluster.members), _share(motion.moving, inside), _share(motion.moving, around))
-    return Candidate((box.low + box.high) / (2.0 * frame.scale), (box.high - box.low) / frame.scale,
-                     cluster.velocity / frame.scale, box.pixels / frame.scale ** 2, odds, NO_NEURON)
+def _candidate(cluster: Cluster, box: PointBox, log_odds: float, scale: float) -> Candidate:
+    return Candidate((box.low + box.high) / (2.0 * scale), (box.high - box.low) / scale, cluster.velocity / scale,
+                     box.pixels / scale ** 2, log_odds, NO_NEURON)
 
 
-def _within(points: Points, box: PointBox, margin_px: float) -> BoolArray:
-    """(N,) whether each is in the box; 0.5: from edges to centres of pixels."""
-    low, high = box.low - 0.5 - margin_px, box.high - 0.5 + margin_px
-    inside: BoolArray = np.all((points.now >= low) & (points.now <= high), axis=1)
-    return inside
-
-
-def _share(moving: BoolArray, chosen: BoolArray) -> float:
-    return float((moving & chosen).sum() / max(1, chosen.sum()))
+def _log_odds(cluster: Cluster, box: PointBox, known: PointCounts, moving: PointCounts) -> float:
+    inside, wide = known.within(box, 0.0), known.within(box, AROUND_PX)
+    moving_inside, moving_wide = moving.within(box, 0.0), moving.within(box, AROUND_PX)
+    return point_log_odds(len(cluster.members), moving_inside / max(1, inside),
+                          (moving_wide - moving_inside) / max(1, wide - inside))

@@ -40,7 +40,7 @@ class NewPoints:
         response = cv2.cornerMinEigenVal(frames[0].gray, CORNER_WINDOW_PX, ksize=3)
         if mask is not None:
             response[~mask] = 0.0
-        everywhere = np.ones(response.shape, np.bool_)
+        everywhere = np.ones(frames[0].half.shape, np.bool_)
         found = self._fill(places, 0, response, everywhere, taken, CELL_PX)
         ago = frames.nearest(CHANGE_S)
         if ago:
@@ -71,7 +71,7 @@ def _strongest(response, wanted, order, columns, cell_px, places, found):  # typ
         x = y = -1
         for r in range(max(top, BORDER_PX), min(top + cell_px, height - BORDER_PX)):
             for c in range(max(left, BORDER_PX), min(left + cell_px, width - BORDER_PX)):
-                count += wanted[r, c]
+                count += wanted[r // 2, c // 2]
                 if response[r, c] > best:
                     best, x, y = response[r, c], c, r
         if x >= 0 and count >= CHANGED_PIXELS:

@@ -16,7 +16,7 @@ from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.types import BoolArray, CameraModel, DoubleArray
 
 #: Times over which motion is measured, seconds, longest first; over the last one only the velocity.
-BASELINES_S = (1.0, 0.72, 0.48, 0.32, 0.2, 0.12)
+BASELINES_S = (1.0, 0.48, 0.32, 0.2, 0.12)
 #: The kind of background is decided once for the baselines up to this length, once for the longer ones, seconds.
 SHORT_BASELINE_S = 0.4
 #: Fewest points of a baseline. Background and noise are taken from one point in each cell of this size, share of the

@@ -13,7 +13,7 @@ from motion_detect_ros.core.geometry.warp import inverse
 from motion_detect_ros.core.types import CameraModel, DoubleArray, FloatArray
 
 #: Points that the plane's homography is taken from.
-HOMOGRAPHY_POINTS = 300
+HOMOGRAPHY_POINTS = 200
 #: Share of the points in front of the camera, for a decomposition to be possible; and the normal that a ground has,
 #: camera's axes: down and ahead.
 IN_FRONT_SHARE, GROUND_NORMAL = 0.9, np.array([0.0, 0.6, 0.8])

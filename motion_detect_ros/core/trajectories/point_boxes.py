@@ -43,24 +43,35 @@ class PointBox:
     high: DoubleArray
     pixels: int
 
+    @classmethod
+    def around(cls, cluster: Cluster) -> PointBox:
+        """What the points of a cluster see, without a foreground."""
+        return cls((cluster.low + 0.5 - POINT_REACH_PX).astype(np.float64),
+                   (cluster.high + 0.5 + POINT_REACH_PX).astype(np.float64), 0)
+
 
 class NearestPoints:
-    """For every pixel the nearest of a set of points."""
+    """For every pixel of a region the nearest of the points in it."""
 
-    def __init__(self, points: FloatArray, owner: npt.NDArray[np.intp], shape: tuple[int, ...]) -> None:
-        """points: (N, 2) pixels; owner: (N,) what each belongs to; shape: (h, w)."""
-        free = np.ones(shape, np.uint8)
-        columns, rows = np.rint(points).astype(np.intp).T
-        free[rows, columns] = 0
-        _, self._labels = cv2.distanceTransformWithLabels(
-            free, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL)
-        self._owners = np.full(int(self._labels.max()) + 1, -1, np.intp)
-        self._owners[self._labels[rows, columns]] = owner
+    def __init__(self, points: FloatArray, owner: npt.NDArray[np.intp]) -> None:
+        """points: (N, 2) pixels; owner: (N,) what each belongs to."""
+        self._places, self._owner = np.rint(points).astype(np.intp), owner
 
     def owners(self, region: Box) -> npt.NDArray[np.intp]:
-        """(h, w) owner of the nearest point of each pixel of a region."""
-        owners: npt.NDArray[np.intp] = self._owners[self._labels[region.top:region.bottom, region.left:region.right]]
-        return owners
+        """(h, w) owner of the nearest point of each pixel; -1 without points."""
+        columns, rows = self._places.T
+        inside = ((columns >= region.left) & (columns < region.right) & (rows >= region.top) & (rows < region.bottom))
+        if not inside.any():
+            return np.full((region.height, region.width), -1, np.intp)
+        columns, rows = columns[inside] - region.left, rows[inside] - region.top
+        free = np.ones((region.height, region.width), np.uint8)
+        free[rows, columns] = 0
+        _, labels = cv2.distanceTransformWithLabels(
+            free, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL)
+        owners = np.full(int(labels.max()) + 1, -1, np.intp)
+        owners[labels[rows, columns]] = self._owner[inside]
+        nearest: npt.NDArray[np.intp] = owners[labels]
+        return nearest
 
 
 class BoxFitter:
@@ -89,10 +100,10 @@ class BoxFitter:
         rows, columns = np.nonzero(strong)
         if len(rows) < MIN_PIXELS:
             return None
-        low = np.minimum([region.left + columns.min(), region.top + rows.min()], cluster.low + 0.5 - POINT_REACH_PX)
-        high = np.maximum([region.left + columns.max() + 1, region.top + rows.max() + 1],
-                          cluster.high + 0.5 + POINT_REACH_PX)
-        return PointBox(low.astype(np.float64), high.astype(np.float64), len(rows))
+        bounds = PointBox.around(cluster)
+        low = np.minimum([region.left + columns.min(), region.top + rows.min()], bounds.low)
+        high = np.maximum([region.left + columns.max() + 1, region.top + rows.max() + 1], bounds.high)
+        return PointBox(low, high, len(rows))
 
     def _pair(self, ago: int) -> tuple[ImagePair, float]:
         """Current frame and the one ``ago``, and their image noise."""

@@ -23,8 +23,8 @@ from motion_detect_ros.core.types import BoolArray, ByteArray, FloatArray
 WINDOW_PX = 9
 ITERATIONS, SMALL_STEP_PX = 12, 0.02
 LEAST_EIGENVALUE, MAX_ERROR_GRAY = 6e-4, 18.0
-#: How often points are tracked back, frames, and the largest accepted forward-backward error, pixels.
-CHECK_EVERY, FORWARD_BACKWARD_PX = 2, 0.3
+#: How often points are tracked back and, in the other frames, new ones start; largest forward-backward error, pixels.
+EVERY, FORWARD_BACKWARD_PX = 2, 0.3
 #: Of points in one cell of this size the oldest stays, pixels.
 THINNED_PX = 2
 #: Weight of a new velocity against the remembered one.
@@ -98,11 +98,12 @@ class PointTracker:
         With one frame in ``frames`` all earlier points are cleared.
         """
         if len(frames) < 2:
-            self._points = Points()
+            self._points, self._frames = Points(), 0
         elif len(self._points):
             self._points = _thinned(self._tracked(frames, mask))
+        if self._frames % EVERY == 0:
+            self._points = self._points.started(self._new.places(self._points.now, frames, mask))
         self._frames += 1
-        self._points = self._points.started(self._new.places(self._points.now, frames, mask))
         return self._points
 
     def _tracked(self, frames: RecentFrames, mask: BoolArray | None) -> Points:
@@ -111,7 +112,7 @@ class PointTracker:
         carried = apply(frames[1].matrix, points.now)
         start = carried + points.velocity * np.float32(dt_s)
         now, good = _follow(previous, current, points.now, start)
-        if self._frames % CHECK_EVERY == 0:
+        if self._frames % EVERY == 1:
             back, found = _follow(current, previous, now, points.now + (now - start))
             away = back - points.now
             good &= found & (np.hypot(away[:, 0], away[:, 1]) < FORWARD_BACKWARD_PX)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from motion_detect_ros.core.geometry.warp import at_scale
@@ -15,9 +16,12 @@ KEPT_S, MAX_FRAMES = 1.02, 32
 
 @dataclass(frozen=True)
 class RecentFrame:
-    """``gray``: (h, w) uint8; ``matrix``: (3, 3) its pixel -> current pixel, working resolution; ``stamp_ns``."""
+    """``gray``: (h, w) uint8; ``half``: at half the size; ``matrix``: (3, 3) its pixel -> current pixel, working
+    resolution; ``stamp_ns``.
+    """
 
     gray: ByteArray
+    half: ByteArray
     matrix: DoubleArray
     stamp_ns: int
 
@@ -47,7 +51,7 @@ class RecentFrames:
             self._frames.clear()
         step = at_scale(ego.matrix, frame.scale)
         oldest_ns = frame.stamp_ns - round(KEPT_S * NANOSECONDS)
-        self._frames = [RecentFrame(frame.gray, np.eye(3), frame.stamp_ns),
+        self._frames = [RecentFrame(frame.gray, _halved(frame.gray), np.eye(3), frame.stamp_ns),
                         *(replace(each, matrix=step @ each.matrix) for each in self._frames[:MAX_FRAMES - 1]
                           if each.stamp_ns >= oldest_ns)]
         return follows
@@ -60,3 +64,9 @@ class RecentFrames:
         """How many frames ago is closest to ``seconds``; at least 1 unless there is only the current frame."""
         choices = range(1, len(self._frames))
         return min(choices, key=lambda ago: abs(self.seconds(ago) - seconds), default=0)
+
+
+def _halved(gray: ByteArray) -> ByteArray:
+    height, width = gray.shape
+    half: ByteArray = cv2.resize(gray, (-(-width // 2), -(-height // 2)), interpolation=cv2.INTER_AREA)
+    return half

@@ -9,8 +9,6 @@ import numpy as np
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.types import BoolArray, DoubleArray
 
-#: Candidates of the points with lower log odds are not looked at.
-PLAUSIBLE_LOG_ODDS = -2.0
 #: Two boxes show the same place: intersection over union, share of the points' box inside, share of flow's box inside.
 SAME_IOU, POINTS_INSIDE, FLOW_INSIDE = 0.2, 0.5, 0.4
 #: Intersection over union of two views of one object, and the weight of the points' view of its box.
@@ -26,7 +24,6 @@ def united(from_flow: list[Candidate], from_points: list[Candidate]) -> list[Can
     Where one of each source shows an object, their boxes are averaged. Elsewhere a candidate of flow gives way to those
     of the points that are there: neighbours that flow cannot tell apart, or an object that it saw a part of.
     """
-    from_points = [one for one in from_points if one.log_odds >= PLAUSIBLE_LOG_ODDS]
     if not from_points or not from_flow:
         return from_flow + from_points
     area, other_area = _areas(from_flow)[:, None], _areas(from_points)
