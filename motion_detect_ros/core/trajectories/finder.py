@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import cv2
 import numpy as np
 
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.detection.candidate import Candidate
-from motion_detect_ros.core.trajectories.clusters import Cluster, find_clusters
-from motion_detect_ros.core.trajectories.object_motion import PointMotion, object_motion
+from motion_detect_ros.core.trajectories.clusters import MIN_POINTS, Cluster, find_clusters
+from motion_detect_ros.core.trajectories.object_motion import object_motion
 from motion_detect_ros.core.trajectories.point_boxes import BoxFitter, NearestPoints, PointBox
 from motion_detect_ros.core.trajectories.point_scoring import point_log_odds
 from motion_detect_ros.core.trajectories.points import Points, PointTracker
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.types import BoolArray, CameraModel, EgoMotion, FloatArray, PreparedFrame
 
+#: Objects are found in every such frame; in between they go where their points go.
+FOUND_EVERY = 2
 #: Points younger than this do not tell whether they stand still, seconds.
 STILL_S = 0.2
 #: Candidates with lower log odds are dropped; so low with the bounds of the points, no box is fitted.
@@ -38,10 +42,32 @@ class PointCounts:
     def within(self, box: PointBox, margin_px: float) -> int:
         """In the box grown by a margin; two in the same pixel are one."""
         height, width = self._sums.shape
-        left, top = np.clip(np.rint(box.low - margin_px), 0, [width - 1, height - 1]).astype(int).tolist()
-        right, bottom = np.clip(np.rint(box.high + margin_px), 0, [width - 1, height - 1]).astype(int).tolist()
+        left, top = (max(0, round(edge - margin_px)) for edge in box.low.tolist())
+        right, bottom = (min(last, round(edge + margin_px))
+                         for last, edge in zip((width - 1, height - 1), box.high.tolist(), strict=True))
         sums = self._sums
         return int(sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left])
+
+
+@dataclass(frozen=True)
+class _Object:
+    cluster: Cluster
+    box: PointBox
+    log_odds: float
+
+    def moved(self, before: Points, now: Points) -> _Object | None:
+        """Where the points that live on have gone; None where too few do."""
+        was, there = now.survivors(before, self.cluster.members)
+        if len(there) < MIN_POINTS:
+            return None
+        way = np.median(now.now[there] - before.now[was], axis=0).astype(np.float64)
+        return _Object(replace(self.cluster, members=there),
+                       replace(self.box, low=self.box.low + way, high=self.box.high + way), self.log_odds)
+
+    def candidate(self, scale: float) -> Candidate:
+        low, high = self.box.low / scale, self.box.high / scale
+        return Candidate((low + high) / 2.0, high - low, self.cluster.velocity / scale, self.box.pixels / scale ** 2,
+                         self.log_odds, NO_NEURON)
 
 
 class TrajectoryFinder:
@@ -51,27 +77,37 @@ class TrajectoryFinder:
         self._config = config.objects
         self._frames = RecentFrames()
         self._tracker = PointTracker(config.trajectories.max_points)
+        self._start_anew()
 
     def reset(self) -> None:
         """Clear frames and points."""
         self._frames.reset()
+        self._start_anew()
+
+    def _start_anew(self) -> None:
         self._tracker.reset()
+        self._points, self._objects, self._frame = Points(), list[_Object](), 0
 
     def candidates(self, frame: PreparedFrame, ego: EgoMotion, camera: CameraModel) -> list[Candidate]:
         """Objects in ``frame``; ego: motion into it; camera: of its working resolution."""
         if not self._frames.add(frame, ego):
-            self._tracker.reset()
-        points = self._tracker.step(self._frames, frame.mask)
-        if len(self._frames) < 2:
-            return []
-        motion = object_motion(points, self._frames, camera)
-        old = points.age >= self._frames.nearest(STILL_S)
-        clusters = find_clusters(points, motion, old, self._frames)
-        return self._boxed(clusters, points, motion, old, frame) if clusters else []
+            self._start_anew()
+        before, self._points = self._points, self._tracker.step(self._frames, frame.mask)
+        if self._frame % FOUND_EVERY == 1:
+            self._objects = self._found(frame, camera)
+        else:
+            moved = (each.moved(before, self._points) for each in self._objects)
+            self._objects = [each for each in moved if each is not None]
+        self._frame += 1
+        return [each.candidate(frame.scale) for each in self._objects]
 
-    def _boxed(
-        self, clusters: list[Cluster], points: Points, motion: PointMotion, old: BoolArray, frame: PreparedFrame,
-    ) -> list[Candidate]:
+    def _found(self, frame: PreparedFrame, camera: CameraModel) -> list[_Object]:
+        points = self._points
+        old: BoolArray = points.age >= self._frames.nearest(STILL_S)
+        motion = object_motion(points, self._frames, camera)
+        clusters = find_clusters(points, motion, old, self._frames)
+        if not clusters:
+            return []
         known = PointCounts(points.now[old], frame.gray.shape)
         moving = PointCounts(points.now[old & motion.moving], frame.gray.shape)
         owner = np.full(len(points), -1, np.intp)
@@ -80,18 +116,12 @@ class TrajectoryFinder:
         fitter = BoxFitter(points, self._frames, frame.mask, NearestPoints(points.now[old], owner[old]), self._config)
         found = []
         for number, cluster in enumerate(clusters):
-            bounds = PointBox.around(cluster)
-            if _log_odds(cluster, bounds, known, moving) < FITTED_LOG_ODDS:
+            if _log_odds(cluster, PointBox.around(cluster), known, moving) < FITTED_LOG_ODDS:
                 continue
             box = fitter.fit(cluster, number)
             if box is not None and min(box.high - box.low) >= self._config.min_side_px:
-                found.append(_candidate(cluster, box, _log_odds(cluster, box, known, moving), frame.scale))
-        return [candidate for candidate in found if candidate.log_odds >= LEAST_LOG_ODDS]
-
-
-def _candidate(cluster: Cluster, box: PointBox, log_odds: float, scale: float) -> Candidate:
-    return Candidate((box.low + box.high) / (2.0 * scale), (box.high - box.low) / scale, cluster.velocity / scale,
-                     box.pixels / scale ** 2, log_odds, NO_NEURON)
+                found.append(_Object(cluster, box, _log_odds(cluster, box, known, moving)))
+        return [each for each in found if each.log_odds >= LEAST_LOG_ODDS]
 
 
 def _log_odds(cluster: Cluster, box: PointBox, known: PointCounts, moving: PointCounts) -> float:

@@ -44,12 +44,14 @@ def _no_points() -> FloatArray:
 @dataclass(frozen=True)
 class Points:
     """``path``: (N, MAX_FRAMES, 2) positions, pixels, current one first, NaN before a point's start; ``age``: (N,)
-    frames since the start, at most MAX_FRAMES - 1; ``velocity``: (N, 2) beyond the ego-motion, pixels/s.
+    frames since the start, at most MAX_FRAMES - 1; ``velocity``: (N, 2) beyond the ego-motion, pixels/s; ``number``:
+    (N,) ascending, that of a point for as long as it lives.
     """
 
     path: FloatArray = field(default_factory=_no_points)
     age: npt.NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     velocity: FloatArray = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    number: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
     def __len__(self) -> int:
         return len(self.age)
@@ -61,14 +63,25 @@ class Points:
 
     def kept(self, chosen: BoolArray | npt.NDArray[np.intp]) -> Points:
         """Those of a mask or of indices."""
-        return Points(self.path[chosen], self.age[chosen], self.velocity[chosen])
+        return Points(self.path[chosen], self.age[chosen], self.velocity[chosen], self.number[chosen])
 
-    def started(self, places: FloatArray) -> Points:
-        """With new ones at ``places``, (n, 2)."""
+    def started(self, places: FloatArray, first_number: int) -> Points:
+        """With new ones at ``places``, (n, 2), numbered from ``first_number`` on."""
         path = np.full((len(places), MAX_FRAMES, 2), np.nan, np.float32)
         path[:, 0] = places
         return Points(np.concatenate([self.path, path]), np.r_[self.age, np.zeros(len(places), np.int32)],
-                      np.concatenate([self.velocity, self._velocities_near(places)]))
+                      np.concatenate([self.velocity, self._velocities_near(places)]),
+                      np.r_[self.number, first_number + np.arange(len(places), dtype=np.int64)])
+
+    def survivors(
+        self, before: Points, chosen: npt.NDArray[np.intp],
+    ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+        """Which of the chosen points of an earlier frame still live: their indices then, and now."""
+        if not len(self):
+            return chosen[:0], chosen[:0]
+        places = np.minimum(np.searchsorted(self.number, before.number[chosen]), len(self) - 1)
+        alive = self.number[places] == before.number[chosen]
+        return chosen[alive], places[alive]
 
     def _velocities_near(self, places: FloatArray) -> FloatArray:
         """(n, 2) mean velocity of the points in the same cell, 0 where there are none."""
@@ -90,7 +103,7 @@ class PointTracker:
         """Clear all points."""
         self._new.reset()
         self._points = Points()
-        self._frames = 0
+        self._frames = self._started = 0
 
     def step(self, frames: RecentFrames, mask: BoolArray | None) -> Points:
         """Points in the current frame. mask: (h, w), False where no point may be; None = nowhere.
@@ -102,7 +115,9 @@ class PointTracker:
         elif len(self._points):
             self._points = _thinned(self._tracked(frames, mask))
         if self._frames % EVERY == 0:
-            self._points = self._points.started(self._new.places(self._points.now, frames, mask))
+            places = self._new.places(self._points.now, frames, mask)
+            self._points = self._points.started(places, self._started)
+            self._started += len(places)
         self._frames += 1
         return self._points
 
@@ -121,7 +136,7 @@ class PointTracker:
         gain = np.where(points.age > 0, VELOCITY_GAIN, 1.0).astype(np.float32)[:, None]
         moved = Points(np.concatenate([now[:, None], points.path[:, :-1]], axis=1),
                        np.minimum(points.age + 1, MAX_FRAMES - 1).astype(np.int32),
-                       points.velocity + gain * (velocity - points.velocity))
+                       points.velocity + gain * (velocity - points.velocity), points.number)
         return moved.kept(good)
 
 
