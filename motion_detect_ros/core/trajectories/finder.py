@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import cv2
@@ -17,8 +18,8 @@ from motion_detect_ros.core.trajectories.points import Points, PointTracker
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.types import BoolArray, CameraModel, EgoMotion, FloatArray, PreparedFrame
 
-#: Objects are found in every such frame; in between they go where their points go.
-FOUND_EVERY = 2
+#: Objects are found so often, seconds, up to jitter of the period; in between they go where their points go.
+FOUND_EVERY_S, JITTER_S = 0.1, 0.01
 #: Points younger than this do not tell whether they stand still, seconds.
 STILL_S = 0.2
 #: Candidates with lower log odds are dropped; so low with the bounds of the points, no box is fitted.
@@ -86,19 +87,19 @@ class TrajectoryFinder:
 
     def _start_anew(self) -> None:
         self._tracker.reset()
-        self._points, self._objects, self._frame = Points(), list[_Object](), 0
+        self._points, self._objects, self._since_s = Points(), list[_Object](), math.inf
 
     def candidates(self, frame: PreparedFrame, ego: EgoMotion, camera: CameraModel) -> list[Candidate]:
         """Objects in ``frame``; ego: motion into it; camera: of its working resolution."""
         if not self._frames.add(frame, ego):
             self._start_anew()
         before, self._points = self._points, self._tracker.step(self._frames, frame.mask)
-        if self._frame % FOUND_EVERY == 1:
-            self._objects = self._found(frame, camera)
+        self._since_s += self._frames.seconds(min(1, len(self._frames) - 1))
+        if len(self._frames) > 1 and self._since_s >= FOUND_EVERY_S - JITTER_S:
+            self._objects, self._since_s = self._found(frame, camera), 0.0
         else:
             moved = (each.moved(before, self._points) for each in self._objects)
             self._objects = [each for each in moved if each is not None]
-        self._frame += 1
         return [each.candidate(frame.scale) for each in self._objects]
 
     def _found(self, frame: PreparedFrame, camera: CameraModel) -> list[_Object]:
