@@ -8,12 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.geometry.warp import apply
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.settings import with_settings
-from motion_detect_ros.core.tracking.tracker import Tracker
 from motion_detect_ros.core.trajectories.object_motion import object_motion
 from motion_detect_ros.core.trajectories.points import Points, PointTracker
 from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrames
@@ -198,11 +196,23 @@ def candidate(x: float, side: float, log_odds: float, speed: float = 20.0) -> Ca
 
 
 class TestUnion:
-    def test_certain_flow_stands_before_points_and_points_before_doubtful_flow(self) -> None:
-        certain, doubtful, points = candidate(100, 20, 1.0), candidate(100, 20, -3.0), candidate(102, 16, 0.0)
-        assert united([certain], [points]) == [certain]
-        assert united([doubtful], [points]) == [points]
-        assert united([doubtful], []) == [doubtful]
+    def test_two_views_of_one_object_are_averaged(self) -> None:
+        flow, points = candidate(100, 20, 1.0), candidate(102, 16, 0.0, speed=25.0)
+        one, = united([flow], [points])
+        assert 100 < one.centre[0] < 102
+        assert one.size.min() > 16
+        assert one.size.max() < 20
+        assert one.log_odds == 1.0
+        assert one.velocity_px_s[0] == 25.0
+
+    def test_flow_gives_way_to_the_neighbours_that_it_cannot_tell_apart(self) -> None:
+        both, left, right = candidate(100, 40, 3.0), candidate(90, 18, 0.0), candidate(110, 18, 0.0, speed=30.0)
+        assert united([both], [left, right]) == [left, right]
+
+    def test_one_source_alone(self) -> None:
+        one = candidate(100, 20, -3.0)
+        assert united([one], []) == [one]
+        assert united([], [one]) == [one]
 
     def test_others_stay(self) -> None:
         one, other = candidate(100, 20, 1.0), candidate(160, 16, 0.0)
@@ -213,13 +223,3 @@ class TestUnion:
         assert united([body], [part]) == [body]
         against = candidate(126, 12, 0.0, speed=-20.0)
         assert united([body], [against]) == [body, against]
-
-
-@pytest.mark.parametrize(('step_px', 'shown'), [(0.0, 0), (0.2, 0), (1.0, 1)])
-def test_a_track_is_reported_once_it_has_travelled(step_px: float, shown: int) -> None:
-    """Ten frames, a size of 20 px and a share of 0.3: 6 px are asked for."""
-    tracker = Tracker(PipelineConfig().tracks)
-    for index in range(10):
-        seen = replace(candidate(100 + step_px * index, 20, 3.0, speed=25 * step_px), travel_share=0.3)
-        records = tracker.step([seen], np.eye(3), 0.04, 480, 320)
-    assert len(records) == shown

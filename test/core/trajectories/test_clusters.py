@@ -1,0 +1,124 @@
+"""Clusters of points, and what they are linked over: scenes whose objects are known."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from motion_detect_ros.core.trajectories.changes import changed_pixels, relit
+from motion_detect_ros.core.trajectories.clusters import find_clusters
+from motion_detect_ros.core.trajectories.object_motion import PointMotion
+from motion_detect_ros.core.trajectories.points import Points
+from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrames
+from motion_detect_ros.core.types import EgoMotion, EgoStatus, PreparedFrame
+
+PERIOD_NS = 50_000_000
+HEIGHT, WIDTH = 240, 480
+ROAD, ROOF = 90, 200
+
+
+def frames_of(pictures: list[np.ndarray]) -> RecentFrames:
+    frames = RecentFrames()
+    for index, gray in enumerate(pictures):
+        stamp_ns = (index + 1) * PERIOD_NS
+        status = EgoStatus.OK if index else EgoStatus.FIRST_FRAME
+        frames.add(PreparedFrame(gray, 1.0, WIDTH, HEIGHT, stamp_ns),
+                   EgoMotion(np.eye(3), np.eye(6), status, stamp_ns, stamp_ns - PERIOD_NS))
+    return frames
+
+
+class Car:
+    """A plain roof, points on its two ends only: that is all a tracker finds there. Edges at the newest frame."""
+
+    def __init__(self, left: int, top: int, length: int, width: int, speed: float) -> None:
+        """speed: pixels a frame, to the right."""
+        self.left, self.top, self.length, self.width, self.speed = left, top, length, width, speed
+
+    def draw(self, gray: np.ndarray, ago: int) -> None:
+        left = round(self.left - self.speed * ago)
+        gray[self.top:self.top + self.width, max(0, left):max(0, left + self.length)] = ROOF
+
+    def points(self) -> np.ndarray:
+        rows = self.top + np.arange(2, self.width, 4)
+        columns = self.left + np.array([2, 6, self.length - 6, self.length - 2])
+        return np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2).astype(np.float32)
+
+
+def clusters_of(cars: list[Car], still: np.ndarray | None = None) -> list[tuple[int, int]]:
+    """Left and right end of each cluster, pixels."""
+    pictures = []
+    for ago in range(20, -1, -1):
+        gray = np.full((HEIGHT, WIDTH), ROAD, np.uint8)
+        for car in cars:
+            car.draw(gray, ago)
+        pictures.append(gray)
+    frames = frames_of(pictures)
+    standing = np.zeros((0, 2), np.float32) if still is None else still
+    places = np.concatenate([*(car.points() for car in cars), standing]).astype(np.float32)
+    speed = np.concatenate([*(np.full(len(car.points()), car.speed) for car in cars), np.zeros(len(standing))])
+    path = np.full((len(places), MAX_FRAMES, 2), np.nan, np.float32)
+    path[:, 0] = places
+    points = Points(path, np.full(len(places), 20, np.int32), np.zeros((len(places), 2), np.float32),
+                    np.arange(len(places)))
+    own = np.stack([speed, np.zeros_like(speed)], axis=1)
+    motion = PointMotion(20.0 * own, np.where(speed != 0.0, 20.0, 0.0), np.zeros_like(own), (20.0 * own, 10.0 * own))
+    found = find_clusters(points, motion, np.ones(len(places), bool), frames)
+    return sorted((round(each.low[0]), round(each.high[0])) for each in found)
+
+
+class TestClusters:
+    def test_front_and_rear_of_a_plain_roof_are_one(self) -> None:
+        assert clusters_of([Car(100, 100, 50, 24, 4.0)]) == [(102, 148)]
+
+    def test_neighbours_of_another_speed_are_two(self) -> None:
+        """4 and 5 pixels a frame: 20 pixels in a second, side by side, 6 pixels apart."""
+        assert clusters_of([Car(100, 100, 40, 20, 4.0), Car(120, 126, 40, 20, 5.0)]) == [(102, 138), (122, 158)]
+
+    def test_road_between_neighbours_of_one_speed_keeps_them_apart(self) -> None:
+        """Side by side, 12 pixels of road in between, which looks as it did before."""
+        assert len(clusters_of([Car(100, 100, 40, 20, 4.0), Car(100, 132, 40, 20, 4.0)])) == 2
+
+    def test_a_point_that_stands_between_them_keeps_them_apart(self) -> None:
+        """The two ends of one roof were joined above; with a row of still points across it they are not."""
+        across = np.stack([np.full(30, 125.0), np.linspace(90, 134, 30)], 1).astype(np.float32)
+        assert clusters_of([Car(100, 100, 50, 24, 4.0)], across) == [(102, 106), (144, 148)]
+
+    def test_nothing_moves(self) -> None:
+        still = Car(100, 100, 50, 24, 0.0)
+        assert clusters_of([still]) == []
+
+
+class TestChanges:
+    NOISE = cv2.GaussianBlur(np.random.default_rng(4).normal(size=(HEIGHT, WIDTH)), (0, 0), 2.0)
+    TEXTURE = cv2.normalize(NOISE, None, 60, 180, cv2.NORM_MINMAX).astype(np.uint8)
+
+    def test_light_that_changes_slowly_from_place_to_place_is_no_change(self) -> None:
+        glow = np.linspace(-20, 20, WIDTH)[None, :].repeat(HEIGHT, 0)
+        lit = np.clip(self.TEXTURE + glow, 0, 255).astype(np.uint8)
+        assert (np.abs(lit.astype(int) - self.TEXTURE) > 8).mean() > 0.5
+        assert changed_pixels(frames_of([self.TEXTURE, lit]), [1]).mean() < 0.02
+
+    def test_a_thing_that_came_is_a_change_of_its_size(self) -> None:
+        now = self.TEXTURE.copy()
+        now[100:130, 200:240] = 250
+        changed = changed_pixels(frames_of([self.TEXTURE, now]), [1])
+        rows, columns = np.nonzero(changed)
+        assert abs(rows.min() - 50) <= 1
+        assert abs(rows.max() - 64) <= 1
+        assert abs(columns.min() - 100) <= 1
+        assert abs(columns.max() - 119) <= 1
+
+    def test_only_what_differs_from_all_earlier_frames_is_changed(self) -> None:
+        """A ghost: bright in one earlier frame only."""
+        bright = self.TEXTURE.copy()
+        bright[100:130, 200:240] = 250
+        frames = frames_of([self.TEXTURE, bright, self.TEXTURE])
+        assert changed_pixels(frames, [1]).any()
+        assert not changed_pixels(frames, [1, 2]).any()
+        assert not changed_pixels(frames, []).any()
+
+    @pytest.mark.parametrize('shape', [(20, 20), (79, 300), (81, 161)])
+    def test_any_size(self, shape: tuple[int, int]) -> None:
+        gray = np.full(shape, 100, np.uint8)
+        assert (relit(gray, gray) == 100).all()

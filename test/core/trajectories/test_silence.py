@@ -1,0 +1,16 @@
+"""Nothing moves: houses, trees and parked cars under a camera that flies, turns, shakes and zooms, in rain."""
+
+from __future__ import annotations
+
+import pytest
+
+from motion_detect_ros.benchmarks.silence import Flight
+
+FRAMES, WIDTH_PX, HEIGHT_PX = 300, 480, 270
+
+
+@pytest.mark.parametrize('preset', ['visdrone', 'kitti'])
+@pytest.mark.parametrize('seed', [1, 2, 3])
+def test_at_most_one_false_box_in_a_hundred_frames(preset: str, seed: int) -> None:
+    flight = Flight(preset, {}, seed, FRAMES, WIDTH_PX, HEIGHT_PX)
+    assert flight.false_boxes() <= FRAMES // 100
