@@ -14,6 +14,7 @@ from motion_detect_ros.core.geometry.frame_history import ReferenceFrame
 from motion_detect_ros.core.optical_flow.conversion import residual_flow
 from motion_detect_ros.core.preprocessing.scene_mask import scene_cells
 from motion_detect_ros.core.tracking.tracker import Tracker
+from motion_detect_ros.core.trajectories.clusters import MAX_SIDE_SHARE
 from motion_detect_ros.core.trajectories.finder import TrajectoryFinder
 from motion_detect_ros.core.trajectories.union import united
 from motion_detect_ros.core.types import (
@@ -79,7 +80,8 @@ class ClusteringStage:
         if reference is None:
             self._tracker.coast(ego.matrix if ego.ok else None, ego.dt_s, frame.width, frame.height)
             return empty_detections()
-        candidates = united(self._candidates(frame, reference, flow, ego.dt_s), from_points)
+        candidates = united(
+            self._candidates(frame, reference, flow, ego.dt_s), from_points, MAX_SIDE_SHARE * frame.width)
         records = self._tracker.step(candidates, ego.matrix, ego.dt_s, frame.width, frame.height, frame.gray)
         return bearings(records, self.camera and self.camera.resized(frame.width, frame.height))
 

@@ -13,16 +13,19 @@ from motion_detect_ros.core.types import BoolArray, DoubleArray
 SAME_IOU, POINTS_INSIDE, FLOW_INSIDE = 0.2, 0.5, 0.4
 #: Intersection over union of two views of one object, and the weight of the points' view of its box.
 ONE_OBJECT_IOU, POINTS_WEIGHT = 0.3, 0.7
+#: A large candidate of flow with so high log odds stays where those of the points cover less than this share of it.
+CERTAIN_LOG_ODDS, COVERED_SHARE = 0.0, 0.5
 #: A part of a larger object: it is so many times smaller, beside it with this margin, share of the own size, and
 #: differs in velocity by less than this share of its own.
 LARGER, BESIDE_SHARE, ALIKE_SHARE = 1.5, 0.25, 0.3
 
 
-def united(from_flow: list[Candidate], from_points: list[Candidate]) -> list[Candidate]:
+def united(from_flow: list[Candidate], from_points: list[Candidate], largest_px: float) -> list[Candidate]:
     """One candidate for each object.
 
     Where one of each source shows an object, their boxes are averaged. Elsewhere a candidate of flow gives way to those
-    of the points that are there: neighbours that flow cannot tell apart, or an object that it saw a part of.
+    of the points that are there: neighbours that flow cannot tell apart, or an object that it saw a part of. Of what is
+    larger than ``largest_px``, the longest side that the points show, they may see parts only.
     """
     if not from_points or not from_flow:
         return from_flow + from_points
@@ -31,13 +34,18 @@ def united(from_flow: list[Candidate], from_points: list[Candidate]) -> list[Can
     iou = shared / (area + other_area - shared)
     same = (iou >= SAME_IOU) | (shared >= POINTS_INSIDE * other_area) | (shared >= FLOW_INSIDE * area)
     alone: list[Candidate] = []
-    points = list(from_points)
+    points, parts = list(from_points), set[int]()
     for index, candidate in enumerate(from_flow):
         there = np.flatnonzero(same[index])
-        if len(there) == 1 and iou[index, there[0]] >= ONE_OBJECT_IOU:
+        covered = shared[index, there].sum() / area[index, 0]
+        if candidate.size.max() > largest_px and candidate.log_odds >= CERTAIN_LOG_ODDS and covered < COVERED_SHARE:
+            alone.append(candidate)
+            parts.update(there.tolist())
+        elif len(there) == 1 and iou[index, there[0]] >= ONE_OBJECT_IOU:
             points[there[0]] = _averaged(candidate, from_points[there[0]])
         elif not len(there):
             alone.append(candidate)
+    points = [one for place, one in enumerate(points) if place not in parts]
     alone = _without_fragments(alone, points)
     return alone + _without_fragments(points, alone)
 

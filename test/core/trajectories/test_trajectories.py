@@ -195,10 +195,13 @@ def candidate(x: float, side: float, log_odds: float, speed: float = 20.0) -> Ca
     return Candidate(np.array([x, 100.0]), np.array([side, side]), np.array([speed, 0.0]), side * side, log_odds, 0)
 
 
+LARGEST_PX = 100.0
+
+
 class TestUnion:
     def test_two_views_of_one_object_are_averaged(self) -> None:
         flow, points = candidate(100, 20, 1.0), candidate(102, 16, 0.0, speed=25.0)
-        one, = united([flow], [points])
+        one, = united([flow], [points], LARGEST_PX)
         assert 100 < one.centre[0] < 102
         assert one.size.min() > 16
         assert one.size.max() < 20
@@ -207,19 +210,28 @@ class TestUnion:
 
     def test_flow_gives_way_to_the_neighbours_that_it_cannot_tell_apart(self) -> None:
         both, left, right = candidate(100, 40, 3.0), candidate(90, 18, 0.0), candidate(110, 18, 0.0, speed=30.0)
-        assert united([both], [left, right]) == [left, right]
+        assert united([both], [left, right], LARGEST_PX) == [left, right]
 
     def test_one_source_alone(self) -> None:
         one = candidate(100, 20, -3.0)
-        assert united([one], []) == [one]
-        assert united([], [one]) == [one]
+        assert united([one], [], LARGEST_PX) == [one]
+        assert united([], [one], LARGEST_PX) == [one]
 
     def test_others_stay(self) -> None:
         one, other = candidate(100, 20, 1.0), candidate(160, 16, 0.0)
-        assert united([one], [other]) == [one, other]
+        assert united([one], [other], LARGEST_PX) == [one, other]
 
     def test_a_part_beside_a_larger_object_of_its_velocity_is_dropped(self) -> None:
         body, part = candidate(100, 40, 1.0), candidate(126, 12, 0.0)
-        assert united([body], [part]) == [body]
+        assert united([body], [part], LARGEST_PX) == [body]
         against = candidate(126, 12, 0.0, speed=-20.0)
-        assert united([body], [against]) == [body, against]
+        assert united([body], [against], LARGEST_PX) == [body, against]
+
+    def test_parts_of_what_is_larger_than_points_show_give_way_unless_they_cover_it(self) -> None:
+        bus, window = candidate(200, 120, 1.0), candidate(180, 30, 1.0)
+        assert united([bus], [window], LARGEST_PX) == [bus]
+        one, other = candidate(170, 60, 1.0), candidate(230, 60, 1.0)
+        one.size[1] = other.size[1] = 120.0
+        assert united([bus], [one, other], LARGEST_PX) == [one, other]
+        doubtful = candidate(200, 120, -1.0)
+        assert united([doubtful], [window], LARGEST_PX) == [window]
