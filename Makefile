@@ -49,7 +49,8 @@ lint: $(STAMP)
 test-extras: $(EXTRAS)/.ready
 	$(EXTRAS)/bin/python -m pytest -p no:cacheprovider test/core/optical_flow/test_optical_flow.py \
 	  test/core/flow_methods/test_onnx_flow.py test/benchmarks/test_tracking.py \
-	  test/benchmarks/test_ablation.py test/benchmarks/test_figures.py test/test_art2_clusterer.py
+	  test/benchmarks/test_ablation.py test/benchmarks/test_figures.py test/benchmarks/test_plain_methods.py \
+	  test/test_art2_clusterer.py
 
 $(EXTRAS)/.ready: setup.py
 	$(PYTHON) -m venv $(EXTRAS)
