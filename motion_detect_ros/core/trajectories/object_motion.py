@@ -24,7 +24,7 @@ SHORT_BASELINE_S = 0.4
 MIN_POINTS, SAMPLE_CELL_SHARE = 60, 0.025
 #: Noise of a displacement: floor, pixels (of the point tracker), share of the background's motion beyond the
 #: ego-motion, share of the camera-caused flow.
-NOISE_FLOOR_PX, BACKGROUND_SHARE, CAMERA_SHARE = 0.12, 0.03, 0.04
+NOISE_FLOOR_PX, BACKGROUND_SHARE, CAMERA_SHARE = 0.12, 0.03, 0.01
 #: Errors of points have wider tails than their median says; least deviation, pixels.
 WIDE_TAILS, LEAST_SIGMA_PX = MAD_TO_SIGMA, 1e-3
 #: A point moves from so many noise units and pixels on; and each part of its way must have this share of what steady

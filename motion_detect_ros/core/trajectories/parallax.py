@@ -19,7 +19,7 @@ HOMOGRAPHY_POINTS = 200
 IN_FRONT_SHARE, GROUND_NORMAL = 0.9, np.array([0.0, 0.6, 0.8])
 #: Parallax of a static point, share of the plane's own shift: a little below the ground to twice as close as it; and
 #: its noise, share of the parallax.
-LEAST_PARALLAX, MOST_PARALLAX, PARALLAX_NOISE_SHARE = -0.05, 0.5, 0.2
+LEAST_PARALLAX, MOST_PARALLAX, PARALLAX_NOISE_SHARE = -0.05, 0.5, 0.1
 #: The common epipole: rounds of re-weighting, points used, percentile of the lengths from which they count, errors over
 #: so many deviations do not count, least deviation (normalised, and of a length in pixels).
 EPIPOLE_ROUNDS, EPIPOLE_POINTS, SHORT_PERCENTILE, OUTLIER_SIGMAS, LEAST_SIGMA, LEAST_PX = 8, 1000, 30.0, 6.0, 0.02, 1e-3
