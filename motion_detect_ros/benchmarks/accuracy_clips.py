@@ -20,7 +20,7 @@ from motion_detect_ros.cli.metrics import MOVING_AND_STANDING, MOVING_ONLY, Scor
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.settings import with_settings
-from motion_detect_ros.core.types import DoubleArray, RecordArray
+from motion_detect_ros.core.types import DoubleArray, RecordArray, Result
 from motion_detect_ros.presets import load_preset
 from motion_detect_ros.sources.frames import FrameSource
 from motion_detect_ros.sources.opening import open_source
@@ -115,16 +115,32 @@ def read_clips(data: Path, names: Sequence[str] = ()) -> list[Clip]:
             for name, entry in entries.items() if not names or name in names]
 
 
+def complete_clips(data: Path, names: Sequence[str] = ()) -> list[Clip]:
+    """Those named, or all in which every moving object is labelled.
+
+    Raises: SourceError as ``read_clips``, or where there is none.
+    """
+    clips = [clip for clip in read_clips(data, names) if clip.complete or names]
+    if not clips:
+        raise SourceError(f'{data}: expected clips with complete_gt, found none')
+    return clips
+
+
+def results(job: Job) -> Iterator[tuple[int, Result]]:
+    """Number of every frame of a clip, and what a fresh pipeline makes of it."""
+    source = job.clip.source()
+    pipeline = MotionPipeline(with_settings(load_preset(job.clip.preset), job.changes), source.camera)
+    for frame in islice(source, job.clip.limit):
+        yield frame.index, pipeline.process(frame.image, frame.stamp_ns)
+
+
 def run_clip(job: Job) -> ClipRun:
     """Every frame of a clip through a fresh pipeline."""
-    clip, source = job.clip, job.clip.source()
-    pipeline = MotionPipeline(with_settings(load_preset(clip.preset), job.changes), source.camera)
     detections, times = dict[int, RecordArray](), []
-    for frame in islice(source, clip.limit):
-        result = pipeline.process(frame.image, frame.stamp_ns)
-        detections[frame.index] = result.detections
+    for index, result in results(job):
+        detections[index] = result.detections
         times.append(result.times_ms.total)
-    return ClipRun(clip, detections, float(np.median(times)))
+    return ClipRun(job.clip, detections, float(np.median(times)))
 
 
 def run_jobs(jobs: Sequence[Job], processes: int) -> Iterator[ClipRun]:

@@ -24,3 +24,10 @@ def replace_section(document: Path, name: str, lines: Sequence[str]) -> None:
     after = rest.split(end)[1]
     body = '\n'.join(lines)
     document.write_text(f'{before}{begin}\n{body}\n{end}{after}', encoding='utf-8')
+
+
+def show(lines: Sequence[str], document: Path | None, name: str) -> None:
+    """Print them and, where a document is given, ``replace_section``. Raises: SourceError as that does."""
+    print('\n'.join(lines))
+    if document:
+        replace_section(document, name, lines)

@@ -20,7 +20,7 @@ import numpy as np
 from motion_detect_ros.benchmarks.ablation import PARTS, Part, available, run_task
 from motion_detect_ros.benchmarks.accuracy_clips import Clip, in_processes
 from motion_detect_ros.benchmarks.accuracy_record import Figures
-from motion_detect_ros.benchmarks.generated import replace_section
+from motion_detect_ros.benchmarks.generated import show
 from motion_detect_ros.core.errors import BackendError, MotionDetectError
 from motion_detect_ros.sources.synthetic import FlightConfig, ObjectSpec, SyntheticFlight
 from motion_detect_ros.sources.truth import write_truth
@@ -82,9 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for speed_m_s in SPEEDS_M_S:
             lines += rows(speed_m_s, parts, options.jobs)
         lines += ['', *missing] if missing else []
-        print('\n'.join(lines))
-        if options.write:
-            replace_section(options.write, SECTION, lines)
+        show(lines, options.write, SECTION)
     except MotionDetectError as error:
         print(f'error: {error}', file=sys.stderr)
         return 2

@@ -25,7 +25,7 @@ import numpy as np
 from motion_detect_ros.benchmarks.accuracy import add_run_arguments
 from motion_detect_ros.benchmarks.accuracy_clips import COUNTINGS, IOUS, Clip, Job, in_processes, read_clips, run_clip
 from motion_detect_ros.benchmarks.clusterers import Clusterer, Labels, Parameters, sklearn_cluster
-from motion_detect_ros.benchmarks.generated import replace_section
+from motion_detect_ros.benchmarks.generated import show
 from motion_detect_ros.cli.metrics import score_boxes
 from motion_detect_ros.core.config import PreprocessingConfig
 from motion_detect_ros.core.errors import MotionDetectError
@@ -210,9 +210,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         clips = read_clips(options.data, options.clips)
         CLUSTERER.require()
         lines = table(list(in_processes(score_clip, clips, options.jobs)))
-        print('\n'.join(lines))
-        if options.write:
-            replace_section(options.write, SECTION, lines)
+        show(lines, options.write, SECTION)
     except MotionDetectError as error:
         print(f'error: {error}', file=sys.stderr)
         return 2

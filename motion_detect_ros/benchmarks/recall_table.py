@@ -16,25 +16,22 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from itertools import islice, pairwise
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from motion_detect_ros.benchmarks.accuracy import add_run_arguments, read_changes
-from motion_detect_ros.benchmarks.accuracy_clips import ClipRun, Job, in_processes, read_clips
+from motion_detect_ros.benchmarks.accuracy_clips import ClipRun, Job, complete_clips, in_processes, results
 from motion_detect_ros.benchmarks.accuracy_pictures import verdicts
-from motion_detect_ros.benchmarks.generated import replace_section
+from motion_detect_ros.benchmarks.generated import show
 from motion_detect_ros.cli.metrics import boxes_of_truth
-from motion_detect_ros.core.errors import MotionDetectError, SourceError
+from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.core.geometry.bearings import PIXEL_CENTRE
 from motion_detect_ros.core.geometry.motion_chain import MotionChain
 from motion_detect_ros.core.geometry.warp import apply
-from motion_detect_ros.core.pipeline import MotionPipeline
-from motion_detect_ros.core.settings import with_settings
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray, RecordArray
-from motion_detect_ros.presets import load_preset
 
 Counts = npt.NDArray[np.int64]
 #: Earlier frame -> (3, 3) pixel of that frame -> pixel of this one; latest first.
@@ -92,18 +89,15 @@ def follow_clip(job: Job) -> tuple[ClipRun, dict[int, Carried]]:
 
     ``frame_ms`` of the run is unknown: NaN.
     """
-    clip, source = job.clip, job.clip.source()
-    pipeline = MotionPipeline(with_settings(load_preset(clip.preset), job.changes), source.camera)
     chain, frames = MotionChain(), dict[int, int]()
     detections, carried = dict[int, RecordArray](), dict[int, Carried]()
-    for frame in islice(source, clip.limit):
-        result = pipeline.process(frame.image, frame.stamp_ns)
+    for index, result in results(job):
         chain.append(result.ego)
-        frames[frame.stamp_ns] = frame.index
-        detections[frame.index] = result.detections
-        carried[frame.index] = {frames[motion.stamp_ns]: motion.matrix for motion in chain.chained()
-                                if frame.index - frames[motion.stamp_ns] <= MAX_FRAMES}
-    return ClipRun(clip, detections, float('nan')), carried
+        frames[result.ego.stamp_ns] = index
+        detections[index] = result.detections
+        carried[index] = {frames[motion.stamp_ns]: motion.matrix for motion in chain.chained()
+                          if index - frames[motion.stamp_ns] <= MAX_FRAMES}
+    return ClipRun(job.clip, detections, float('nan')), carried
 
 
 def count_clip(job: Job) -> RecallCounts:
@@ -140,17 +134,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--write', type=Path, metavar='FILE', help='put the tables into this document, too')
     options = parser.parse_args(arguments)
     try:
-        clips = [clip for clip in read_clips(options.data, options.clips) if clip.complete or options.clips]
-        if not clips:
-            raise SourceError(f'{options.data}: expected clips with complete_gt, found none')
+        clips = complete_clips(options.data, options.clips)
         changes = read_changes(options.set)
         counts = list(in_processes(count_clip, [Job(clip, changes) for clip in clips], options.jobs))
         lines = table(total(counts))
         for clip, one in zip(clips, counts, strict=True) if options.each else ():
             lines += ['', f'`{clip.name}`:', '', *table(one)]
-        print('\n'.join(lines))
-        if options.write:
-            replace_section(options.write, SECTION, lines)
+        show(lines, options.write, SECTION)
     except MotionDetectError as error:
         print(f'error: {error}', file=sys.stderr)
         return 2

@@ -1,7 +1,7 @@
 """False boxes over flights in which nothing moves: houses, trees and parked cars under a restless camera.
 
     python -m motion_detect_ros.benchmarks.silence [--seeds N] [--frames N] [--preset NAME ...] [--set NAME=VALUE ...]
-        [--size WIDTHxHEIGHT] [--jobs N]
+        [--jobs N] [--write docs/accuracy.md]
 
 The camera shakes and zooms more than in the default flight, the exposure jumps every two seconds, rain falls. Prints
 boxes in 100 frames for each preset and seed.
@@ -13,6 +13,7 @@ import argparse
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -20,6 +21,7 @@ import numpy as np
 
 from motion_detect_ros.benchmarks.accuracy import read_changes
 from motion_detect_ros.benchmarks.accuracy_clips import in_processes
+from motion_detect_ros.benchmarks.generated import show
 from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.settings import with_settings
@@ -28,6 +30,7 @@ from motion_detect_ros.presets import load_preset
 from motion_detect_ros.sources.frames import SourceFrame
 from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
 
+SECTION = 'silence'
 PRESETS = ('visdrone', 'kitti')
 #: Seeds, frames of each flight, and the size of its pictures.
 SEEDS, FRAMES, WIDTH_PX, HEIGHT_PX = 3, 300, 960, 540
@@ -41,7 +44,7 @@ STREAKS, STREAK_PX, SLANT_PX, STREAK_GRAY = 120, 14, 3, 30
 
 @dataclass(frozen=True)
 class Flight:
-    """One flight without movers, and the preset and settings (dotted names) it is detected with."""
+    """One flight without people, and the preset and settings (dotted names) it is detected with."""
 
     preset: str
     changes: Mapping[str, Any]
@@ -49,12 +52,13 @@ class Flight:
     frames: int = FRAMES
     width: int = WIDTH_PX
     height: int = HEIGHT_PX
+    cars: int = 0
 
     def pictures(self) -> Iterator[SourceFrame]:
         """Rendered one after the other, exposure and rain included."""
         flight = SyntheticFlight(FlightConfig(
             width=self.width, height=self.height, focal_px=0.75 * self.width, frames=self.frames, seed=self.seed,
-            cars=0, people=0, shake_deg=SHAKE_DEG, zoom_share=ZOOM_SHARE))
+            cars=self.cars, people=0, shake_deg=SHAKE_DEG, zoom_share=ZOOM_SHARE))
         random = np.random.default_rng([self.seed, 11])
         gain = 1.0
         for frame in flight:
@@ -63,8 +67,8 @@ class Flight:
             image = cv2.convertScaleAbs(frame.image, alpha=gain)
             yield SourceFrame(frame.index, _rained_on(image, random), frame.stamp_ns)
 
-    def false_boxes(self) -> int:
-        """How many boxes the detector reports; every one is false."""
+    def boxes(self) -> int:
+        """How many boxes the detector reports; every one is false where no ``cars`` drive."""
         pipeline = MotionPipeline(with_settings(load_preset(self.preset), self.changes))
         return sum(len(pipeline.process(frame.image, frame.stamp_ns).detections) for frame in self.pictures())
 
@@ -79,31 +83,28 @@ def _rained_on(image: ByteArray, random: np.random.Generator) -> ByteArray:
     return out
 
 
-def _count(flight: Flight) -> int:
-    return flight.false_boxes()
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line; returns the exit code."""
-    parser = argparse.ArgumentParser(prog='python -m motion_detect_ros.benchmarks.silence', description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--seeds', type=int, default=SEEDS)
-    parser.add_argument('--frames', type=int, default=FRAMES)
-    parser.add_argument('--preset', nargs='+', default=list(PRESETS), metavar='NAME')
-    parser.add_argument('--set', action='append', default=[], metavar='NAME=VALUE', help='change a setting')
-    parser.add_argument('--jobs', type=int, default=2)
+    """The command; exit code 2 for wrong settings."""
+    parser = argparse.ArgumentParser(prog='silence', description='False boxes over flights in which nothing moves.')
+    parser.add_argument('--seeds', type=int, default=SEEDS, metavar='N', help=f'flights a preset (default: {SEEDS})')
+    parser.add_argument('--frames', type=int, default=FRAMES, metavar='N', help=f'of each flight (default: {FRAMES})')
+    parser.add_argument('--preset', nargs='+', default=list(PRESETS), metavar='NAME', help='presets to fly with')
+    parser.add_argument('--set', nargs='*', default=[], metavar='NAME=VALUE', help='settings on top of the presets')
+    parser.add_argument('--jobs', type=int, default=2, metavar='N', help='processes (default: 2)')
+    parser.add_argument('--write', type=Path, metavar='FILE', help='put the table into this document, too')
     options = parser.parse_args(arguments)
     try:
         changes = read_changes(options.set)
         flights = [Flight(preset, changes, seed, options.frames)
                    for preset in options.preset for seed in range(1, options.seeds + 1)]
-        counts = list(in_processes(_count, flights, options.jobs))
+        counts = in_processes(Flight.boxes, flights, options.jobs)
+        lines = ['| preset | seed | boxes in 100 frames |', '|---|---|---|',
+                 *(f'| {flight.preset} | {flight.seed} | {100.0 * count / flight.frames:.1f} |'
+                   for flight, count in zip(flights, counts, strict=True))]
+        show(lines, options.write, SECTION)
     except MotionDetectError as error:
-        print(error, file=sys.stderr)
+        print(f'error: {error}', file=sys.stderr)
         return 2
-    print('| preset | seed | boxes in 100 frames |\n|---|---|---|')
-    for flight, count in zip(flights, counts, strict=True):
-        print(f'| {flight.preset} | {flight.seed} | {100.0 * count / flight.frames:.1f} |')
     return 0
 
 

@@ -25,11 +25,11 @@ from typing import Any
 import numpy as np
 
 from motion_detect_ros.benchmarks.accuracy import add_run_arguments, read_changes
-from motion_detect_ros.benchmarks.accuracy_clips import COUNTINGS, IOUS, ClipRun, Job, read_clips, run_jobs
-from motion_detect_ros.benchmarks.generated import replace_section
+from motion_detect_ros.benchmarks.accuracy_clips import COUNTINGS, IOUS, ClipRun, Job, complete_clips, run_jobs
+from motion_detect_ros.benchmarks.generated import show
 from motion_detect_ros.cli.demo_table import boxes_of
 from motion_detect_ros.cli.metrics import boxes_of_truth, frame_count, judge_frame, overlaps
-from motion_detect_ros.core.errors import BackendError, MotionDetectError, SourceError
+from motion_detect_ros.core.errors import BackendError, MotionDetectError
 from motion_detect_ros.core.types import RecordArray, empty_detections
 
 SECTION = 'tracking'
@@ -114,16 +114,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         _trackeval()
-        clips = [clip for clip in read_clips(options.data, options.clips) if clip.complete or options.clips]
-        if not clips:
-            raise SourceError(f'{options.data}: expected clips with complete_gt, found none')
+        clips = complete_clips(options.data, options.clips)
         changes = read_changes(options.set)
         counting = 'all' if options.all_objects else 'moving'
         runs = run_jobs([Job(clip, changes) for clip in clips], options.jobs)
         lines = table({run.clip.name: score_run(run, counting) for run in runs})
-        print('\n'.join(lines))
-        if options.write:
-            replace_section(options.write, SECTION, lines)
+        show(lines, options.write, SECTION)
     except MotionDetectError as error:
         print(f'error: {error}', file=sys.stderr)
         return 2

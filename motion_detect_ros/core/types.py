@@ -86,6 +86,11 @@ class CameraModel:
         focal = focal_share * width
         return cls(width, height, focal, focal, (width - 1) / 2.0, (height - 1) / 2.0)
 
+    @property
+    def matrix(self) -> DoubleArray:
+        """(3, 3) K."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
     def resized(self, width: int, height: int) -> CameraModel:
         """The same camera read out at another size; pixel centres sit at whole numbers.
 

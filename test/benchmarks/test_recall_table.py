@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from motion_detect_ros.benchmarks import recall_table
+from motion_detect_ros.benchmarks import accuracy_clips, recall_table
 from motion_detect_ros.benchmarks.accuracy_clips import Clip, Job, read_clips
 from motion_detect_ros.benchmarks.recall_table import (
     SIZES_PX,
@@ -149,7 +149,7 @@ class Panning:
 @pytest.fixture
 def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Two clips with object 1 of 20 x 10 px, 5 px a frame faster than the ground; one is not completely labelled."""
-    monkeypatch.setattr(recall_table, 'MotionPipeline', Panning)
+    monkeypatch.setattr(accuracy_clips, 'MotionPipeline', Panning)
     (tmp_path / 'pictures').mkdir()
     for frame in range(FRAMES):
         assert cv2.imwrite(str(tmp_path / 'pictures' / f'{frame:06d}.png'), np.zeros((8, 8), np.uint8))

@@ -16,6 +16,7 @@ from motion_detect_ros.core.detection.objects import ObjectFinder
 from motion_detect_ros.core.detection.photometric import ImagePair
 from motion_detect_ros.core.detection.segments import cluster_motions, connected_segments
 from motion_detect_ros.core.geometry.frame_history import ReferenceFrame
+from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.geometry.warp import at_scale
 from motion_detect_ros.core.types import FloatArray, FlowField, PreparedFrame
 
@@ -68,11 +69,11 @@ def without_fragments(candidates: list[Candidate]) -> list[Candidate]:
         return []
     centre, size, velocity = (np.array([getattr(one, name) for one in candidates])
                               for name in ('centre', 'size', 'velocity_px_s'))
-    area, speed = size.prod(axis=1), np.hypot(velocity[:, 0], velocity[:, 1])
+    area, speed = size.prod(axis=1), magnitude(velocity)
     much_larger = area[:, None] <= FRAGMENT_SHARE * area
     gap = np.abs(centre[:, None] - centre) - (size[:, None] + size) / 2.0
     beside = gap.max(axis=2) <= BESIDE_SHARE * np.sqrt(area)[:, None]
     difference = velocity[:, None] - velocity
-    alike = np.hypot(difference[..., 0], difference[..., 1]) < ALIKE_SHARE * speed
+    alike = magnitude(difference) < ALIKE_SHARE * speed
     fragment = (much_larger & beside & alike).any(axis=1)
     return [one for one, drop in zip(candidates, fragment, strict=True) if not drop]

@@ -8,6 +8,7 @@ import numpy as np
 
 from motion_detect_ros.core.geometry.motion_models import ModelFamily, displacement, jacobian, matrix_theta, normalised
 from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA, reweighted, tukey_weights_of_squares
+from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray, MotionModel
 
 #: Localisation noise no tracker gets under, pixels.
@@ -112,5 +113,5 @@ def _summary(
     freedom = max(2.0 * weights.sum() - family.basis.shape[1], 2.0)
     variance = max(float((weights[:, None] * error ** 2).sum() / freedom), MIN_SIGMA_PX ** 2)
     covariance = variance * family.basis @ np.linalg.inv(normal) @ family.basis.T
-    residual = float(np.median(np.hypot(error[:, 0], error[:, 1])[inliers]))
+    residual = float(np.median(magnitude(error)[inliers]))
     return MotionFit(theta, covariance, inliers, residual, family.kind)

@@ -1,13 +1,17 @@
-"""Fields of two-component vectors."""
+"""Arrays of two-component vectors."""
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 
-from motion_detect_ros.core.types import FloatArray
+from motion_detect_ros.core.types import DoubleArray, FloatArray
+
+Vectors = TypeVar('Vectors', FloatArray, DoubleArray)
 
 
-def magnitude(flow: FloatArray) -> FloatArray:
-    """(gh, gw) length of (gh, gw, 2) vectors, in their unit."""
-    length: FloatArray = np.hypot(flow[..., 0], flow[..., 1])
+def magnitude(vectors: Vectors) -> Vectors:
+    """(...) length of (..., 2) vectors, in their unit."""
+    length: Vectors = np.hypot(vectors[..., 0], vectors[..., 1])
     return length

@@ -10,6 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, cKDTree
 
+from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.trajectories.changes import changed_pixels
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
 from motion_detect_ros.core.trajectories.points import Points
@@ -88,9 +89,7 @@ def _links(moving: FloatArray, still: FloatArray) -> npt.NDArray[np.intp]:
 
 
 def _lengths(places: FloatArray, links: npt.NDArray[np.intp]) -> FloatArray:
-    way = places[links[:, 0]] - places[links[:, 1]]
-    length: FloatArray = np.hypot(way[:, 0], way[:, 1])
-    return length
+    return magnitude(places[links[:, 0]] - places[links[:, 1]])
 
 
 def _alike(displacements: list[DoubleArray], links: npt.NDArray[np.intp]) -> BoolArray:
@@ -98,10 +97,9 @@ def _alike(displacements: list[DoubleArray], links: npt.NDArray[np.intp]) -> Boo
     alike, known = np.zeros(len(links), np.bool_), np.zeros(len(links), np.bool_)
     for way in displacements:
         one, other = way[links[:, 0]], way[links[:, 1]]
-        difference = one - other
-        length = np.minimum(np.hypot(one[:, 0], one[:, 1]), np.hypot(other[:, 0], other[:, 1]))
+        length = np.minimum(magnitude(one), magnitude(other))
         with np.errstate(invalid='ignore'):
-            near = np.hypot(difference[:, 0], difference[:, 1]) < ALIKE_PX + ALIKE_SHARE * length
+            near = magnitude(one - other) < ALIKE_PX + ALIKE_SHARE * length
         alike |= ~known & near
         known |= np.isfinite(length)
     return alike

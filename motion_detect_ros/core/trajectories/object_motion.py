@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA, rayleigh_sigma
+from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.geometry.warp import apply, inverse
 from motion_detect_ros.core.trajectories.local_noise import PointGrid
 from motion_detect_ros.core.trajectories.parallax import EpipolarParts, epipolar_parts, plane_shift, without_parallax
@@ -178,9 +179,9 @@ def _baseline(
     measured: _Measured, background: DoubleArray, error: DoubleArray, parts: EpipolarParts | None, camera: CameraModel,
     count: int,
 ) -> _Baseline:
-    length = np.hypot(error[:, 0], error[:, 1])
+    length = magnitude(error)
     grid = PointGrid(measured.now, measured.width, measured.height)
-    shared = BACKGROUND_SHARE * np.hypot(background[:, 0], background[:, 1]) + CAMERA_SHARE * _camera_flow(measured)
+    shared = BACKGROUND_SHARE * magnitude(background) + CAMERA_SHARE * _camera_flow(measured)
     sigma_px = max(LEAST_SIGMA_PX, WIDE_TAILS * rayleigh_sigma(length[measured.sample]))
     noise = _noise(grid.local_sigma(length, sigma_px)) + shared
     sigmas: DoubleArray = length / noise
@@ -197,8 +198,7 @@ def _baseline(
 def _camera_flow(measured: _Measured) -> DoubleArray:
     """(N,) pixels."""
     flow = measured.now - apply(inverse(measured.matrix), measured.now)
-    length: DoubleArray = np.hypot(flow[:, 0], flow[:, 1]).astype(np.float64)
-    return length
+    return magnitude(flow).astype(np.float64)
 
 
 def _noise(sigma: DoubleArray) -> DoubleArray:

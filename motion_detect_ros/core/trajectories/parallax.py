@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA
+from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.geometry.warp import inverse
 from motion_detect_ros.core.types import CameraModel, DoubleArray, FloatArray
 
@@ -38,7 +39,7 @@ def plane_shift(
     homography, _ = cv2.findHomography(earlier[chosen].astype(np.float64), moved[chosen], 0)
     if homography is None or not np.isfinite(homography).all() or abs(np.linalg.det(homography)) < 1e-9:
         return None
-    matrix = np.array([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]])
+    matrix = camera.matrix
     rays = _homogeneous(earlier[chosen]) @ inverse(matrix).T
     rotation = _rotation(homography, matrix, rays)
     if rotation is None:
@@ -66,8 +67,8 @@ def without_parallax(error: DoubleArray, noise: DoubleArray, shift: DoubleArray)
     share = np.clip((error * shift).sum(axis=1) / squared, LEAST_PARALLAX, MOST_PARALLAX)
     explained = share[:, None] * shift
     rest = error - explained
-    tolerated = noise + PARALLAX_NOISE_SHARE * np.hypot(explained[:, 0], explained[:, 1])
-    significance: DoubleArray = np.hypot(rest[:, 0], rest[:, 1]) / tolerated
+    tolerated = noise + PARALLAX_NOISE_SHARE * magnitude(explained)
+    significance: DoubleArray = magnitude(rest) / tolerated
     return significance
 
 
@@ -93,7 +94,7 @@ def epipolar_parts(
     x, y = ((points.astype(np.float64) - [width / 2.0, height / 2.0]) / (width / 2.0)).T
     a, b, c = _epipole(x[sample], y[sample], error[sample])
     towards = np.stack([a - c * x, b - c * y], axis=1)
-    towards /= np.maximum(np.hypot(towards[:, 0], towards[:, 1]), 1e-6)[:, None]
+    towards /= np.maximum(magnitude(towards), 1e-6)[:, None]
     along = (error * towards).sum(axis=1)
     across = error[:, 1] * towards[:, 0] - error[:, 0] * towards[:, 1]
     across_sigma = max(LEAST_PX, MAD_TO_SIGMA * float(np.median(np.abs(across[sample]))))
@@ -103,7 +104,7 @@ def epipolar_parts(
 
 def _epipole(x: DoubleArray, y: DoubleArray, error: DoubleArray) -> DoubleArray:
     """(3,) homogeneous (a, b, c): residuals point from (x, y) to (a, b) / c or away from it. Robust (IRLS)."""
-    length = np.hypot(error[:, 0], error[:, 1])
+    length = magnitude(error)
     used = np.flatnonzero(length > np.percentile(length, SHORT_PERCENTILE))
     used = used[::max(1, len(used) // EPIPOLE_POINTS)]
     x, y, error, length = x[used], y[used], error[used], np.maximum(length[used], LEAST_PX)

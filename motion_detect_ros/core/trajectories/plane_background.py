@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from motion_detect_ros.core.geometry.robust import rayleigh_sigma, reweighted, tukey_weights
+from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 
 #: Points used for a fit; rounds of re-weighting; least deviation, pixels; weight of the regularisation.
@@ -49,7 +50,7 @@ def plane_motion(
         return wanted - basis @ coefficients
 
     def weights(error: DoubleArray) -> DoubleArray:
-        length = np.hypot(error[:, 0], error[:, 1])
+        length = magnitude(error)
         return tukey_weights(length, max(LEAST_SIGMA_PX, rayleigh_sigma(length)))
 
     def solve(_: DoubleArray, __: DoubleArray, weight: DoubleArray) -> DoubleArray:
@@ -79,4 +80,4 @@ def _least_squares(basis: DoubleArray, wanted: DoubleArray, weight: DoubleArray)
 
 
 def _median_length(vectors: DoubleArray) -> float:
-    return float(np.median(np.hypot(vectors[:, 0], vectors[:, 1])))
+    return float(np.median(magnitude(vectors)))

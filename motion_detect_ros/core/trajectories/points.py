@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.geometry.warp import apply
 from motion_detect_ros.core.trajectories.new_points import BORDER_PX, NewPoints
 from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrames
@@ -130,7 +131,7 @@ class PointTracker:
         if self._frames % EVERY == 1:
             back, found = _follow(current, previous, now, points.now + (now - start))
             away = back - points.now
-            good &= found & (np.hypot(away[:, 0], away[:, 1]) < FORWARD_BACKWARD_PX)
+            good &= found & (magnitude(away) < FORWARD_BACKWARD_PX)
         good &= _usable(now, current.shape, mask)
         velocity = (now - carried) / np.float32(dt_s)
         gain = np.where(points.age > 0, VELOCITY_GAIN, 1.0).astype(np.float32)[:, None]

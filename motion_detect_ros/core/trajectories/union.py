@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.types import BoolArray, DoubleArray
 
 #: Two boxes show the same place: intersection over union, share of the points' box inside, share of flow's box inside.
@@ -65,8 +66,8 @@ def _without_fragments(ones: list[Candidate], others: list[Candidate]) -> list[C
     beside = _intersection(_edges(ones, BESIDE_SHARE), _edges(others)) > 0.0
     velocity, other_velocity = (np.array([one.velocity_px_s for one in each]) for each in (ones, others))
     difference = velocity[:, None] - other_velocity
-    alike = (np.hypot(difference[..., 0], difference[..., 1])
-             < ALIKE_SHARE * np.hypot(velocity[:, 0], velocity[:, 1])[:, None])
+    alike = (magnitude(difference)
+             < ALIKE_SHARE * magnitude(velocity)[:, None])
     fragment: BoolArray = beside & alike & (_areas(others) > LARGER * _areas(ones)[:, None])
     return [one for one, row in zip(ones, fragment, strict=True) if not row.any()]
 

@@ -86,17 +86,12 @@ class GyroBuffer:
             self._samples.popleft()
 
 
-def camera_matrix(camera: CameraModel) -> DoubleArray:
-    """(3, 3) K."""
-    return np.array([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]])
-
-
 def rotation_homography(rotation: DoubleArray, camera: CameraModel) -> DoubleArray | None:
     """(3, 3) K R K^-1, previous pixel -> current pixel (Hartley and Zisserman 2004, section 8.4), at any depth.
 
     rotation: (3, 3) R as of ``GyroBuffer.rotation``. None where a corner of the image turns out of sight.
     """
-    k = camera_matrix(camera)
+    k = camera.matrix
     matrix: DoubleArray = k @ rotation @ np.linalg.inv(k)
     x, y = camera.width - 1.0, camera.height - 1.0
     corners = np.array([[0.0, 0.0, 1.0], [x, 0.0, 1.0], [0.0, y, 1.0], [x, y, 1.0]])
