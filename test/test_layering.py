@@ -25,7 +25,7 @@ LAYERS = ('core', 'sources', 'bridge', 'nodes', 'cli', 'benchmarks')
 ROOMS = ('geometry', 'preprocessing', 'flow_methods', 'ego_motion', 'optical_flow', 'background', 'clustering',
          'detection', 'trajectories', 'tracking')
 #: Modules of the core outside of rooms that every room may import; all others put rooms together.
-FOUNDATION = ('errors', 'types', 'settings', 'config', 'regions', 'forgetting')
+FOUNDATION = ('errors', 'types', 'settings', 'config', 'regions', 'forgetting', 'periods')
 
 MAX_MODULE_LINES, MAX_NODE_LINES, MAX_FUNCTION_LINES = 300, 150, 60
 

@@ -9,6 +9,7 @@ from motion_detect_ros.core.clustering.clusterer import Clusterer
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.detector import MotionDetector
+from motion_detect_ros.core.detection.last_flow import LastFlow
 from motion_detect_ros.core.geometry.bearings import bearings
 from motion_detect_ros.core.geometry.frame_history import ReferenceFrame
 from motion_detect_ros.core.optical_flow.conversion import residual_flow
@@ -45,6 +46,7 @@ class ClusteringStage:
         self.camera = camera
         self._scene = BackgroundSelector(config.background)
         self._detector = MotionDetector(config, clusterer)
+        self._last_flow = LastFlow(config.optical_flow.every_s)
         self._trajectories = TrajectoryFinder(config) if config.trajectories.use else None
         self._tracker = Tracker(config.tracks)
         self._last: PreparedFrame | None = None
@@ -58,6 +60,7 @@ class ClusteringStage:
         """Clear earlier frames, neurons and tracks; ids go on counting."""
         self._scene.reset()
         self._detector.reset()
+        self._last_flow.reset()
         if self._trajectories is not None:
             self._trajectories.reset()
         self._tracker.reset()
@@ -72,16 +75,19 @@ class ClusteringStage:
         """
         last, self._last = self._last, frame
         if ego.status in STARTS_ANEW or (last is not None and _unlike(last, frame)):
-            for part in (self._scene, self._detector, self._tracker):
+            for part in (self._scene, self._detector, self._last_flow, self._tracker):
                 part.reset()
         elif last is not None and last.stamp_ns < ego.prev_stamp_ns:
             self._tracker.coast_without_frame((ego.prev_stamp_ns - last.stamp_ns) / NANOSECONDS, frame.width)
         from_points = self._from_points(frame, ego)
+        carried = self._last_flow.carried(ego)
         if reference is None:
             self._tracker.coast(ego.matrix if ego.ok else None, ego.dt_s, frame.width, frame.height)
             return empty_detections()
-        candidates = united(
-            self._candidates(frame, reference, flow, ego.dt_s), from_points, MAX_SIDE_SHARE * frame.width)
+        from_flow = carried
+        if np.isfinite(flow.flow).any() or not self._config.optical_flow.every_s:
+            from_flow = self._last_flow.replaced(self._candidates(frame, reference, flow, self._last_flow.age_s))
+        candidates = united(from_flow, from_points, MAX_SIDE_SHARE * frame.width)
         records = self._tracker.step(candidates, ego.matrix, ego.dt_s, frame.width, frame.height, frame.gray)
         return bearings(records, self.camera and self.camera.resized(frame.width, frame.height))
 

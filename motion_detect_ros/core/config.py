@@ -121,6 +121,8 @@ class OpticalFlowConfig:
     baseline_s: float = setting(
         0.04, 'time over which flow is measured (the nearest whole number of frames, at least one, at most 16)',
         low=0.001, high=2.0, unit='s')
+    every_s: float = setting(
+        0.0, 'interval of flow, 0 = every frame; in between its objects move on', low=0.0, high=1.0, unit='s')
     finest_scale: int = setting(
         2, 'finest pyramid level of methods dis and variational, 0 = full resolution', low=0, high=4)
     refinement_iterations: int = setting(
@@ -128,8 +130,7 @@ class OpticalFlowConfig:
     smoothness: float = setting(
         10.0, 'weight of smooth flow against equal grey values in these rounds: more holds noise down, less lets small '
         'objects move for themselves', low=0.1, high=1000.0)
-    grid_px: int = setting(4, 'cell size of the published flow grid, working-resolution pixels',
-                           low=1, high=32, unit='px')
+    grid_px: int = setting(4, 'cell size of the flow grid, working-resolution pixels', low=1, high=32, unit='px')
     forward_backward_px: float = setting(
         0.7, 'largest accepted forward-backward error', low=0.05, high=20.0, unit='px')
     full_every: int = setting(
@@ -246,8 +247,7 @@ class TracksConfig:
 
     confirm_s: float = setting(
         0.12, 'an object is reported once detected for so long, in two frames at least', low=0.0, high=60.0, unit='s')
-    confirm_window_s: float = setting(
-        0.24, 'time within which that must be', low=0.0, high=60.0, unit='s')
+    confirm_window_s: float = setting(0.24, 'time within which that must be', low=0.0, high=60.0, unit='s')
     confirm_log_odds: float = setting(
         1.0, 'log odds summed over frames that a track needs before it is reported', low=-100.0, high=100.0)
     show_log_odds: float = setting(

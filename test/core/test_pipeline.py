@@ -71,6 +71,25 @@ def test_the_mover_is_found_and_nothing_else():
     assert abs(velocity['vel_v']) < 10.0
 
 
+def test_between_two_flows_the_mover_is_reported_where_it_is():
+    config = with_settings(PipelineConfig(), {'optical_flow.every_s': 0.12})
+    results = run([scene(index) for index in range(30)], config)
+    measured = [index for index, result in enumerate(results) if np.isfinite(result.flow.flow).any()]
+    assert measured == list(range(1, 30, 3))
+    late = [(index, result.detections) for index, result in enumerate(results) if index >= 10]
+    assert all(len(found) == 1 for _, found in late)
+    assert min(iou(found[0], index) for index, found in late) >= 0.5
+    assert {int(found[0]['id']) for _, found in late} == {1}
+    assert late[-1][1][0]['vel_u'] == pytest.approx(175.0, rel=0.1)
+
+
+def test_a_mover_that_is_gone_is_not_carried_past_the_next_flow():
+    config = with_settings(PipelineConfig(), {'optical_flow.every_s': 0.12, 'tracks.coast_s': 0.0})
+    results = run([scene(index, index < 20) for index in range(30)], config)
+    assert len(results[19].detections) == 1
+    assert [len(result.detections) for result in results[23:]] == [0] * 7
+
+
 def test_a_still_world_gives_nothing():
     assert sum(len(result.detections) for result in run([scene(index, False) for index in range(25)])) == 0
 

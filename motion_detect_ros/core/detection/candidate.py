@@ -25,7 +25,8 @@ class Growth:
 class Candidate:
     """One detected object in one frame. ``centre``, ``size``, ``velocity_px_s``: (2,) full-resolution pixels.
 
-    ``log_odds``: that it moves, from this frame alone, see ``scoring``; ``growth``: None = not measured.
+    ``log_odds``: that it moves, from this frame alone, see ``scoring``; ``growth``: None = not measured; ``measured``:
+    False where it is one of an earlier frame, carried on.
     """
 
     centre: DoubleArray
@@ -35,3 +36,4 @@ class Candidate:
     log_odds: float
     cluster: int
     growth: Growth | None = None
+    measured: bool = True

@@ -14,6 +14,7 @@ from motion_detect_ros.core.geometry.frame_history import ReferenceFrame
 from motion_detect_ros.core.geometry.warp import at_scale, stabilise
 from motion_detect_ros.core.optical_flow.alternatives.regions import RegionsOfInterest, confined
 from motion_detect_ros.core.optical_flow.conversion import total_flow
+from motion_detect_ros.core.periods import Every
 from motion_detect_ros.core.types import EgoMotion, FloatArray, FlowField, PreparedFrame
 
 
@@ -27,17 +28,23 @@ class OpticalFlowStage:
         self._worker = (BackwardWorker(make_flow(self._config), ThreadPoolExecutor(1, 'backward_flow'))
                         if self._config.method in BUILT_IN else None)
         self._regions = RegionsOfInterest(self._config.full_every)
+        self._every = Every(self._config.every_s)
 
     def reset(self) -> None:
         """Clear the last flow."""
         self._regions.reset()
+        self._every.reset()
 
     def process(self, frame: PreparedFrame, ego: EgoMotion, reference: ReferenceFrame | None) -> FlowField:
-        """Flow from ``reference`` into ``frame``; all NaN without a reference.
+        """Flow from ``reference`` into ``frame``; all NaN without a reference, and in frames where none is due.
 
         ego: motion into ``frame``; reference: what ``FrameHistory`` returns for it.
         """
-        flow = self._unknown(frame) if reference is None else self._between(reference, frame, ego)
+        if not self._every.due(ego.dt_s) or reference is None:
+            flow = self._unknown(frame)
+        else:
+            flow = self._between(reference, frame, ego)
+            self._every.done()
         return FlowField(flow, frame.width, frame.height, frame.stamp_ns)
 
     def _grid(self, frame: PreparedFrame) -> tuple[int, int]:

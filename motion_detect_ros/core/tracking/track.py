@@ -6,9 +6,10 @@ import numpy as np
 
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.forgetting import kept
-from motion_detect_ros.core.geometry.bearings import PIXEL_CENTRE
+from motion_detect_ros.core.geometry.carried import carried
+from motion_detect_ros.core.periods import exceeded
 from motion_detect_ros.core.tracking.alternatives.appearance import Appearance
-from motion_detect_ros.core.tracking.detected_time import TOLERANCE, DetectedTime
+from motion_detect_ros.core.tracking.detected_time import DetectedTime
 from motion_detect_ros.core.tracking.time_to_contact import Approach
 from motion_detect_ros.core.types import DoubleArray
 
@@ -119,13 +120,8 @@ class Track:
         matrix: (3, 3) previous pixel -> current pixel, full resolution.
         """
         self.approach.predict(dt_s)
-        x, y, vx, vy = self.state
-        moved = matrix @ [x - PIXEL_CENTRE, y - PIXEL_CENTRE, 1.0]  # boxes are in edges of pixels, warps in centres
-        moved = moved[:2] / moved[2] + PIXEL_CENTRE
-        linear = matrix[:2, :2]
-        scale = float(np.sqrt(abs(np.linalg.det(linear))))
-        velocity = linear @ [vx, vy]
-        self.state = np.concatenate([moved + velocity * dt_s, velocity])
+        centre, velocity, scale = carried(matrix, self.state[:2], self.state[2:], dt_s)
+        self.state = np.concatenate([centre, velocity])
         self.size = self.size * scale
         step = np.eye(4)
         step[0, 2] = step[1, 3] = dt_s
@@ -188,7 +184,8 @@ class Track:
         if not self._coasted_frames:
             return True
         period_s = self.coasted_s / self._coasted_frames
-        return seconds > 0.0 and (self._coasted_frames == 1 or self.coasted_s <= seconds + TOLERANCE * period_s)
+        return seconds > 0.0 and (
+            self._coasted_frames == 1 or not exceeded(self.coasted_s, seconds, period_s))
 
     def _coast(self, dt_s: float) -> None:
         self.coasted_s += dt_s

@@ -61,7 +61,7 @@ class Tracker:
         pairs = self._assign(candidates)
         for index, track in enumerate(self._tracks):
             hit = index in pairs
-            track.detected.add(dt_s, hit)
+            track.detected.add(dt_s, hit, hit and candidates[pairs[index]].measured)
             if hit:
                 track.update(candidates[pairs[index]], dt_s)
                 self._remember(track, gray, width)

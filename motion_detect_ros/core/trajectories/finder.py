@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import cv2
@@ -10,6 +9,7 @@ import numpy as np
 
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.periods import Every
 from motion_detect_ros.core.trajectories.clusters import MIN_POINTS, Cluster, find_clusters
 from motion_detect_ros.core.trajectories.object_motion import object_motion
 from motion_detect_ros.core.trajectories.point_boxes import BoxFitter, NearestPoints, PointBox
@@ -18,8 +18,9 @@ from motion_detect_ros.core.trajectories.points import Points, PointTracker
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.types import BoolArray, CameraModel, EgoMotion, FloatArray, PreparedFrame
 
-#: Objects are found so often, seconds, up to jitter of the period; in between they go where their points go.
-FOUND_EVERY_S, JITTER_S = 0.1, 0.01
+#: Objects are found so often, seconds; in between they go where their points go. In the third frame first, so that
+#: flow measured as often, in the second frame first, comes in other frames.
+FOUND_EVERY_S, FIRST_FRAMES = 0.1, 3
 #: Points younger than this do not tell whether they stand still, seconds.
 STILL_S = 0.2
 #: Candidates with lower log odds are dropped; so low with the bounds of the points, no box is fitted.
@@ -77,6 +78,7 @@ class TrajectoryFinder:
     def __init__(self, config: PipelineConfig) -> None:
         self._config = config.objects
         self._frames = RecentFrames()
+        self._every = Every(FOUND_EVERY_S)
         self._tracker = PointTracker(config.trajectories.max_points)
         self._start_anew()
 
@@ -87,16 +89,17 @@ class TrajectoryFinder:
 
     def _start_anew(self) -> None:
         self._tracker.reset()
-        self._points, self._objects, self._since_s = Points(), list[_Object](), math.inf
+        self._every.reset()
+        self._points, self._objects = Points(), list[_Object]()
 
     def candidates(self, frame: PreparedFrame, ego: EgoMotion, camera: CameraModel) -> list[Candidate]:
         """Objects in ``frame``; ego: motion into it; camera: of its working resolution."""
         if not self._frames.add(frame, ego):
             self._start_anew()
         before, self._points = self._points, self._tracker.step(self._frames, frame.mask)
-        self._since_s += self._frames.seconds(min(1, len(self._frames) - 1))
-        if len(self._frames) > 1 and self._since_s >= FOUND_EVERY_S - JITTER_S:
-            self._objects, self._since_s = self._found(frame, camera), 0.0
+        if self._every.due(ego.dt_s) and len(self._frames) >= FIRST_FRAMES:
+            self._objects = self._found(frame, camera)
+            self._every.done()
         else:
             moved = (each.moved(before, self._points) for each in self._objects)
             self._objects = [each for each in moved if each is not None]

@@ -56,7 +56,7 @@ def _averaged(from_flow: Candidate, from_points: Candidate) -> Candidate:
         POINTS_WEIGHT * (from_points.centre + sign * from_points.size / 2.0)
         + (1.0 - POINTS_WEIGHT) * (from_flow.centre + sign * from_flow.size / 2.0) for sign in (-1.0, 1.0))
     return replace(from_flow, centre=(low + high) / 2.0, size=high - low, velocity_px_s=from_points.velocity_px_s,
-                   log_odds=max(from_flow.log_odds, from_points.log_odds))
+                   log_odds=max(from_flow.log_odds, from_points.log_odds), measured=True)
 
 
 def _without_fragments(ones: list[Candidate], others: list[Candidate]) -> list[Candidate]:

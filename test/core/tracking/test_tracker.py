@@ -277,3 +277,12 @@ def test_jitter_of_the_frame_period_changes_no_decision(jitter_s: float):
         assert shown == [0, 0, 1, 1, 1, 1, 1, 1]
         gone = [len(tracker.step([], np.eye(3), next(periods), 640, 480)) for _ in range(6)]
         assert gone == [1, 1, 1, 0, 0, 0]
+
+
+def test_what_is_carried_on_from_one_detection_does_not_confirm_it():
+    tracker = Tracker(TracksConfig(confirm_s=0.12, confirm_log_odds=-5.0))
+    once = candidate(100.0, 100.0)
+    shown = [len(tracker.step([one], np.eye(3), 0.04, 640, 480))
+             for one in (once, *[replace(once, measured=False)] * 4)]
+    assert shown == [0] * 5
+    assert len(tracker.step([once], np.eye(3), 0.04, 640, 480)) == 1

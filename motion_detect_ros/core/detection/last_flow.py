@@ -1,0 +1,48 @@
+"""The objects of the last flow, where flow is not measured in every frame (``optical_flow.every_s``)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.geometry.carried import carried
+from motion_detect_ros.core.periods import exceeded
+from motion_detect_ros.core.types import EgoMotion
+
+#: Objects of the last flow move on for so many times the interval, as its next one may be lost on the way.
+INTERVALS = 2.0
+
+
+class LastFlow:
+    """Carries candidates on with the ego-motion and their own velocity until the next flow comes."""
+
+    def __init__(self, every_s: float) -> None:
+        """every_s: flow is due so often, seconds; 0 = in every frame."""
+        self._every_s = every_s
+        self.reset()
+
+    def reset(self) -> None:
+        """Clear the candidates."""
+        self._candidates: list[Candidate] = []
+        self.age_s = 0.0
+
+    def replaced(self, candidates: list[Candidate]) -> list[Candidate]:
+        """Those of a new flow, returned as they are."""
+        self._candidates, self.age_s = candidates, 0.0
+        return candidates
+
+    def carried(self, ego: EgoMotion) -> list[Candidate]:
+        """Where they are in a frame without flow; none where a flow must have come. ego: motion into the frame.
+
+        ``age_s`` counts in any case: call once for each frame, with or without flow.
+        """
+        self.age_s += ego.dt_s
+        if exceeded(self.age_s, INTERVALS * self._every_s, ego.dt_s) or not ego.ok:
+            self._candidates = []
+        self._candidates = [_moved(each, ego) for each in self._candidates]
+        return self._candidates
+
+
+def _moved(candidate: Candidate, ego: EgoMotion) -> Candidate:
+    centre, velocity, scale = carried(ego.matrix, candidate.centre, candidate.velocity_px_s, ego.dt_s)
+    return replace(candidate, centre=centre, velocity_px_s=velocity, size=scale * candidate.size, growth=None, measured=False)

@@ -1,0 +1,41 @@
+"""Sums of frame periods against times in seconds: in whole frames, whatever the jitter of the stamps."""
+
+from __future__ import annotations
+
+import math
+
+#: Share of a frame's period that sums of periods may miss, for jitter. Beyond that times round up to whole frames:
+#: two frames of 20 Hz are not 0.12 s, and two chance candidates in a row must not confirm each other.
+TOLERANCE = 0.25
+
+
+def reached(total_s: float, seconds: float, period_s: float) -> bool:
+    """Whether a sum of periods is at least ``seconds``, up to jitter of the last one."""
+    return total_s >= seconds - TOLERANCE * period_s
+
+
+def exceeded(total_s: float, seconds: float, period_s: float) -> bool:
+    """Whether a sum of periods is over ``seconds``, by more than jitter of the last one."""
+    return total_s > seconds + TOLERANCE * period_s
+
+
+class Every:
+    """Says which frames something is done in: the first one, then those that are ``seconds`` later."""
+
+    def __init__(self, seconds: float) -> None:
+        """seconds: 0 = in every frame."""
+        self._seconds = seconds
+        self.reset()
+
+    def reset(self) -> None:
+        """The next frame is a first one."""
+        self.since_s = math.inf
+
+    def due(self, dt_s: float) -> bool:
+        """Call once for each frame. dt_s: since the one before, seconds."""
+        self.since_s += dt_s
+        return reached(self.since_s, self._seconds, dt_s)
+
+    def done(self) -> None:
+        """It was done in the frame that ``due`` was last called for."""
+        self.since_s = 0.0
