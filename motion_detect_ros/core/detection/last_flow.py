@@ -45,4 +45,5 @@ class LastFlow:
 
 def _moved(candidate: Candidate, ego: EgoMotion) -> Candidate:
     centre, velocity, scale = carried(ego.matrix, candidate.centre, candidate.velocity_px_s, ego.dt_s)
-    return replace(candidate, centre=centre, velocity_px_s=velocity, size=scale * candidate.size, growth=None, measured=False)
+    return replace(candidate, centre=centre, velocity_px_s=velocity, size=scale * candidate.size, growth=None,
+                   measured=False)
