@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from motion_detect_ros.core.detection.candidate import Candidate
-from motion_detect_ros.core.geometry.carried import carried
+from motion_detect_ros.core.geometry.carried import carried, length_scale
 from motion_detect_ros.core.periods import exceeded
 from motion_detect_ros.core.types import EgoMotion
 
@@ -44,6 +44,6 @@ class LastFlow:
 
 
 def _moved(candidate: Candidate, ego: EgoMotion) -> Candidate:
-    centre, velocity, scale = carried(ego.matrix, candidate.centre, candidate.velocity_px_s, ego.dt_s)
-    return replace(candidate, centre=centre, velocity_px_s=velocity, size=scale * candidate.size, growth=None,
-                   measured=False)
+    centre, velocity = carried(ego.matrix, candidate.centre, candidate.velocity_px_s, ego.dt_s)
+    return replace(candidate, centre=centre, velocity_px_s=velocity, size=length_scale(ego.matrix) * candidate.size,
+                   growth=None, measured=False)

@@ -1,15 +1,18 @@
-"""One track: Kalman filter of position and velocity against the background, log odds, coasting."""
+"""One track: motion, size, log odds, coasting."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.forgetting import kept
-from motion_detect_ros.core.geometry.carried import carried
+from motion_detect_ros.core.geometry.carried import length_scale
 from motion_detect_ros.core.periods import exceeded
 from motion_detect_ros.core.tracking.alternatives.appearance import Appearance
 from motion_detect_ros.core.tracking.detected_time import DetectedTime
+from motion_detect_ros.core.tracking.motion_filter import MotionFilter
 from motion_detect_ros.core.tracking.time_to_contact import Approach
 from motion_detect_ros.core.types import DoubleArray
 
@@ -17,8 +20,6 @@ from motion_detect_ros.core.types import DoubleArray
 CENTRE_SHARE = 0.12
 ACCELERATION_SHARE = 2.0
 MIN_CENTRE_PX = 1.0
-#: Variance of the velocity, 1/s^2 of that of the centre: of a first detection, and of every later one (flow leaks).
-FIRST_VELOCITY_RATIO, VELOCITY_RATIO = 16.0, 36.0
 #: The process noise of small objects is that of this size at least, pixels.
 MIN_ACCELERATION_PX = 8.0
 #: Time constant of the log odds, seconds; log odds of a miss; their maximum; and the frame period of weight 1, seconds:
@@ -31,55 +32,15 @@ PERIOD_S = 0.04
 SIZE_GAIN = 0.4
 #: How fast an object that is recognised by its appearance, but shows no motion, comes to rest, seconds.
 REST_S = 0.08
-#: Weight kept per update of the measured spread of the innovations, weight of the assumed spread, and least scale.
-KEPT_SPREAD, PRIOR_UPDATES, MIN_SPREAD = 0.9, 5.0, 0.25
-#: Weight kept per update of the mean velocity innovation, and weight of its square in the variance.
-KEPT_LAG, LAG_WEIGHT = 0.6, 1.25
-
-
-class Spread:
-    """Variance of the filter's velocity, corrected by its innovations.
-
-    The filter's own covariance is as good as the noise it assumes. Two measured figures correct it: the mean normalised
-    innovation squared (Bar-Shalom et al. 2001, section 5.4), which scales it, and the mean velocity innovation, which
-    noise does not have: it is the lag behind an object that accelerates, or a flow that is off to one side.
-    """
-
-    def __init__(self) -> None:
-        self._scale = 1.0
-        self._weight = PRIOR_UPDATES
-        self._lag: DoubleArray = np.zeros(2)
-        self._lag_weight = 0.0
-
-    def add(self, innovation: DoubleArray, covariance: DoubleArray) -> None:
-        """One update of the filter. innovation: (4,); covariance: (4, 4), what the filter expected of it."""
-        normalised = float(innovation @ np.linalg.solve(covariance, innovation)) / len(innovation)
-        before = KEPT_SPREAD * self._weight
-        self._scale = (before * self._scale + normalised) / (before + 1.0)
-        self._weight = before + 1.0
-        self._lag = KEPT_LAG * self._lag + (1.0 - KEPT_LAG) * innovation[2:]
-        self._lag_weight = KEPT_LAG * self._lag_weight + 1.0 - KEPT_LAG
-
-    def variance(self, assumed: DoubleArray) -> DoubleArray:
-        """(2,) variance of the velocity where the filter says ``assumed``, (pixels/s)^2."""
-        lag = self._lag / max(self._lag_weight, 1.0 - KEPT_LAG)
-        corrected: DoubleArray = assumed * max(MIN_SPREAD, self._scale) + LAG_WEIGHT * lag ** 2
-        return corrected
 
 
 class Track:
-    """State (u, v, du/dt, dv/dt): pixels and pixels/s, velocity against the background.
-
-    Constant velocity with white acceleration: Bar-Shalom et al. 2001, section 6.3.2.
-    """
+    """One object over time; times are seconds, lengths full-resolution pixels."""
 
     def __init__(self, seen: Candidate, dt_s: float, window_s: float) -> None:
         """dt_s: period of the frame it was seen in; window_s: of ``detected``; seconds."""
         self.id = 0
-        self.state: DoubleArray = np.r_[seen.centre, seen.velocity_px_s]
-        noise = self._noise(seen.size)
-        velocity_noise = FIRST_VELOCITY_RATIO * noise
-        self.covariance: DoubleArray = np.diag(np.r_[noise, noise, velocity_noise, velocity_noise])
+        self._filter = MotionFilter(seen.centre, seen.velocity_px_s, self._noise(seen.size))
         self.size = seen.size
         self.seen = seen
         self.age = 1
@@ -93,16 +54,20 @@ class Track:
         self.appearance: Appearance | None = None
         self.recognised_s = 0.0
         self._log_odds_seen = self.log_odds
-        self._spread = Spread()
 
     @staticmethod
     def _noise(size: DoubleArray) -> float:
-        return max(MIN_CENTRE_PX, CENTRE_SHARE * float(np.sqrt(size[0] * size[1]))) ** 2
+        return max(MIN_CENTRE_PX, CENTRE_SHARE * math.sqrt(size[0] * size[1])) ** 2
+
+    @property
+    def state(self) -> DoubleArray:
+        """(4,) u, v, du/dt, dv/dt: pixels and pixels/s, velocity against the background."""
+        return self._filter.state
 
     @property
     def velocity_variance(self) -> DoubleArray:
         """(2,) variance of the velocity, (pixels/s)^2, corrected by what was measured."""
-        return self._spread.variance(np.diag(self.covariance)[2:])
+        return self._filter.velocity_variance
 
     def inside(self, width: int, height: int) -> bool:
         """Whether the centre is on an image of ``width`` x ``height`` pixels."""
@@ -120,31 +85,19 @@ class Track:
         matrix: (3, 3) previous pixel -> current pixel, full resolution.
         """
         self.approach.predict(dt_s)
-        centre, velocity, scale = carried(matrix, self.state[:2], self.state[2:], dt_s)
-        self.state = np.concatenate([centre, velocity])
-        self.size = self.size * scale
-        step = np.eye(4)
-        step[0, 2] = step[1, 3] = dt_s
-        acceleration = ACCELERATION_SHARE * max(MIN_ACCELERATION_PX, float(np.sqrt(self.size[0] * self.size[1])))
-        ramp = np.array([[dt_s ** 2 / 2.0, 0.0], [0.0, dt_s ** 2 / 2.0], [dt_s, 0.0], [0.0, dt_s]]) * acceleration
-        self.covariance = step @ self.covariance @ step.T + ramp @ ramp.T
+        self.size = self.size * length_scale(matrix)
+        side = max(MIN_ACCELERATION_PX, math.sqrt(self.size[0] * self.size[1]))
+        self._filter.predict(matrix, dt_s, ACCELERATION_SHARE * side)
 
     def predict_without_ego_motion(self, camera_px: float, dt_s: float) -> None:
         """The same with the camera's motion unknown: none is assumed, ``camera_px`` is its deviation along an axis."""
         self.predict(np.eye(3), dt_s)
-        self.covariance[:2, :2] += np.eye(2) * camera_px ** 2
+        self._filter.widen(camera_px ** 2)
         self.gate_inflation_px = float(np.hypot(self.gate_inflation_px, camera_px))
 
     def update(self, seen: Candidate, dt_s: float) -> None:
         """Correct with a detection's centre and flow velocity (Kalman 1960); sizes are averaged, log odds add up."""
-        position = self._noise(self.size)
-        noise = np.diag([position, position, VELOCITY_RATIO * position, VELOCITY_RATIO * position])
-        expected = self.covariance + noise
-        innovation = np.concatenate([seen.centre, seen.velocity_px_s]) - self.state
-        self._spread.add(innovation, expected)
-        gain = np.linalg.solve(expected, self.covariance).T
-        self.state = self.state + gain @ innovation
-        self.covariance = self.covariance - gain @ self.covariance
+        self._filter.correct(seen.centre, seen.velocity_px_s, self._noise(self.size))
         self.size = self.size + SIZE_GAIN * (seen.size - self.size)
         self._add_log_odds(seen.log_odds, _weight(dt_s), dt_s)
         self.approach.update(seen.growth)
@@ -165,11 +118,8 @@ class Track:
         centre: (2,) full-resolution pixels; dt_s: since the last frame, seconds; appearance_hold_s: over 0, seconds.
         """
         self.recognised_s += dt_s
-        noise = MIN_CENTRE_PX ** 2
-        gain = self.covariance[:, :2] @ np.linalg.inv(self.covariance[:2, :2] + noise * np.eye(2))
-        self.state = self.state + gain @ (centre - self.state[:2])
+        self._filter.correct_place(centre, MIN_CENTRE_PX ** 2)
         self.state[2:] *= kept(dt_s, REST_S)
-        self.covariance = self.covariance - gain @ self.covariance[:2]
         self.log_odds = self._log_odds_seen * max(0.0, 1.0 - self.recognised_s / appearance_hold_s)
         self.coasted_s, self._coasted_frames = 0.0, 0
         self.gate_inflation_px = 0.0
