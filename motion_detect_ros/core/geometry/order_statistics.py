@@ -21,6 +21,15 @@ def median(values):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
+def column_medians(values):  # type: ignore[no-untyped-def]
+    """As ``numpy.median(values, axis=0)``, (m,) float64, of ``values`` (n, m), n > 0; NaN is not handled."""
+    found = np.empty(values.shape[1])
+    for column in range(values.shape[1]):
+        found[column] = median(values[:, column])
+    return found
+
+
+@numba.njit(cache=True, nogil=True)
 def percentile(values, percent):  # type: ignore[no-untyped-def]
     """As ``numpy.percentile`` of ``values`` (n,) float32, n > 0; reorders them."""
     rank = percent / 100.0 * (len(values) - 1)

@@ -10,6 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, cKDTree
 
+from motion_detect_ros.core.geometry.order_statistics import column_medians
 from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.trajectories.changes import changed_pixels
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
@@ -118,5 +119,5 @@ def _covered(places: FloatArray, links: npt.NDArray[np.intp], frames: RecentFram
 
 def _cluster(members: npt.NDArray[np.intp], points: Points, motion: PointMotion) -> Cluster:
     places = points.now[members]
-    return Cluster(members, places.min(axis=0), places.max(axis=0), np.median(motion.velocity[members], axis=0),
-                   np.median(motion.background[members], axis=0))
+    return Cluster(members, places.min(axis=0), places.max(axis=0), column_medians(motion.velocity[members]),
+                   column_medians(motion.background[members]))

@@ -9,6 +9,7 @@ import numpy as np
 
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.geometry.order_statistics import column_medians
 from motion_detect_ros.core.periods import Every
 from motion_detect_ros.core.trajectories.clusters import MIN_POINTS, Cluster, find_clusters
 from motion_detect_ros.core.trajectories.object_motion import object_motion
@@ -62,7 +63,7 @@ class _Object:
         was, there = now.survivors(before, self.cluster.members)
         if len(there) < MIN_POINTS:
             return None
-        way = np.median(now.now[there] - before.now[was], axis=0).astype(np.float64)
+        way = column_medians(now.now[there] - before.now[was])
         return _Object(replace(self.cluster, members=there),
                        replace(self.box, low=self.box.low + way, high=self.box.high + way), self.log_odds)
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from motion_detect_ros.core.geometry.cells import first_of_cells
 from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA, rayleigh_sigma
 from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.geometry.warp import apply, inverse
@@ -83,8 +84,7 @@ class _Measured:
         self.height, self.width = frames[0].gray.shape
         self.carried = apply(self.matrix, self.earlier).astype(np.float64)
         self.residual: DoubleArray = self.now - self.carried
-        cells = (self.now / (SAMPLE_CELL_SHARE * self.width)).astype(np.intp) @ [1, 1 + round(1.0 / SAMPLE_CELL_SHARE)]
-        self.sample = np.unique(cells, return_index=True)[1]
+        self.sample = first_of_cells(self.now, SAMPLE_CELL_SHARE * self.width, self.width, self.height)
 
     def plane_is_better(self) -> bool:
         return plane_is_better(self.now[self.sample], self.residual[self.sample], self.width, self.height)

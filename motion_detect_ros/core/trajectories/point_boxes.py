@@ -12,6 +12,7 @@ from motion_detect_ros.core.config import ObjectsConfig
 from motion_detect_ros.core.detection.patches import connected_pixels
 from motion_detect_ros.core.detection.photometric import ImagePair, image_noise, photometric_test, reach_px
 from motion_detect_ros.core.geometry.boxes import Box
+from motion_detect_ros.core.geometry.order_statistics import column_medians, percentile
 from motion_detect_ros.core.geometry.warp import apply, grid_points
 from motion_detect_ros.core.trajectories.clusters import Cluster
 from motion_detect_ros.core.trajectories.points import Points
@@ -121,7 +122,7 @@ class BoxFitter:
         old = members[self._points.age[members] >= ago]
         if len(old) >= max(MIN_OLD, OLD_SHARE * len(members)):
             carried = apply(self._frames[ago].matrix, self._points.path[old, ago])
-            motion = np.median(self._points.now[old] - carried, axis=0)
+            motion = column_medians(self._points.now[old] - carried)
         else:
             motion = background + cluster.velocity * seconds
         return background.astype(np.float32), motion.astype(np.float32)
@@ -147,7 +148,9 @@ class BoxFitter:
         component: BoolArray = foreground & touched[labels]
         if component.sum() < MIN_PIXELS:
             return component
-        return component & (gain > self._config.peak_share * np.percentile(gain[component], PEAK_PERCENTILE))
+        peak = percentile(gain[component], PEAK_PERCENTILE)
+        strong: BoolArray = component & (gain > self._config.peak_share * peak)
+        return strong
 
 
 def _region(cluster: Cluster, width: int, height: int) -> Box:
