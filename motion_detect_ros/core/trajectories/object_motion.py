@@ -34,8 +34,8 @@ WIDE_TAILS, LEAST_SIGMA_PX = MAD_TO_SIGMA, 1e-3
 MOVING_SIGMAS, MOVING_PX, STEADY_SHARE = 5.0, 1.2, 0.3
 #: Its velocity is that of the shortest baseline with a displacement over this, pixels.
 VELOCITY_PX = 4.0
-#: A scene is in relief where residuals along the epipolar lines are so much longer than across, over baselines up to
-#: this length, seconds; noise along them then.
+#: A scene is in relief where residuals along the epipolar lines are so much longer than across, over the longest
+#: baseline up to this length, seconds; noise along them then.
 RELIEF, RELIEF_BASELINE_S, RELIEF_NOISE = 1.75, 0.24, 2.5
 
 
@@ -166,13 +166,12 @@ def _frames_ago(frames: RecentFrames) -> list[int]:
 
 
 def _relief(measured: list[_Measured], errors: list[DoubleArray]) -> list[EpipolarParts | None]:
-    """Parts of the residuals of every baseline, None where residuals over short times have no common epipole."""
-    short = {each.frames: each.epipolar_parts(error)
-             for each, error in zip(measured, errors, strict=True) if each.seconds <= RELIEF_BASELINE_S}
-    if not short or np.median([parts.relief for parts in short.values()]) <= RELIEF:
+    """Parts of the residuals of every baseline, None where those of a short one have no common epipole."""
+    pairs = list(zip(measured, errors, strict=True))
+    short = next((pair for pair in pairs if pair[0].seconds <= RELIEF_BASELINE_S), None)
+    if short is None or short[0].epipolar_parts(short[1]).relief <= RELIEF:
         return [None] * len(measured)
-    return [short.get(each.frames) or each.epipolar_parts(error)
-            for each, error in zip(measured, errors, strict=True)]
+    return [each.epipolar_parts(error) for each, error in pairs]
 
 
 def _baseline(

@@ -1,7 +1,7 @@
 """Long-lived points, tracked from frame to frame at working resolution (Lucas and Kanade 1981; Bouguet 2001).
 
 A point starts from the ego-motion and its own velocity, so no pyramid is needed, and what is a few pixels large keeps
-its own motion. Every second frame points are tracked back as well (Kalal et al. 2010). Lengths are pixels of the
+its own motion. About every 0.07 s points are tracked back as well (Kalal et al. 2010). Lengths are pixels of the
 working resolution and do not scale with it: they belong to the tracker's window.
 """
 
@@ -13,8 +13,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from motion_detect_ros.core.geometry.cells import first_of_cells
 from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.geometry.warp import apply
+from motion_detect_ros.core.periods import Every
 from motion_detect_ros.core.trajectories.new_points import BORDER_PX, NewPoints
 from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrames
 from motion_detect_ros.core.types import BoolArray, ByteArray, FloatArray
@@ -24,8 +26,8 @@ from motion_detect_ros.core.types import BoolArray, ByteArray, FloatArray
 WINDOW_PX = 9
 ITERATIONS, SMALL_STEP_PX = 12, 0.02
 LEAST_EIGENVALUE, MAX_ERROR_GRAY = 6e-4, 18.0
-#: How often points are tracked back and, in the other frames, new ones start; largest forward-backward error, pixels.
-EVERY, FORWARD_BACKWARD_PX = 2, 0.3
+#: How often points are tracked back, too, and new ones start, seconds; largest forward-backward error, pixels.
+CHECKED_EVERY_S, FORWARD_BACKWARD_PX = 0.07, 0.3
 #: Of points in one cell of this size the oldest stays, pixels.
 THINNED_PX = 2
 #: Weight of a new velocity against the remembered one.
@@ -62,9 +64,12 @@ class Points:
         """(N, 2) current positions."""
         return self.path[:, 0]
 
-    def kept(self, chosen: BoolArray | npt.NDArray[np.intp]) -> Points:
-        """Those of a mask or of indices."""
-        return Points(self.path[chosen], self.age[chosen], self.velocity[chosen], self.number[chosen])
+    def moved(self, chosen: npt.NDArray[np.intp], now: FloatArray, velocity: FloatArray) -> Points:
+        """The chosen ones a frame later, at ``now`` with ``velocity``, (N, 2) of all."""
+        path = np.empty((len(chosen), *self.path.shape[1:]), np.float32)
+        path[:, 0], path[:, 1:] = now[chosen], self.path[chosen, :-1]
+        age = np.minimum(self.age[chosen] + 1, MAX_FRAMES - 1).astype(np.int32)
+        return Points(path, age, velocity[chosen], self.number[chosen])
 
     def started(self, places: FloatArray, first_number: int) -> Points:
         """With new ones at ``places``, (n, 2), numbered from ``first_number`` on."""
@@ -103,8 +108,8 @@ class PointTracker:
     def reset(self) -> None:
         """Clear all points."""
         self._new.reset()
-        self._points = Points()
-        self._frames = self._started = 0
+        self._points, self._started = Points(), 0
+        self._every = Every(CHECKED_EVERY_S)
 
     def step(self, frames: RecentFrames, mask: BoolArray | None) -> Points:
         """Points in the current frame. mask: (h, w), False where no point may be; None = nowhere.
@@ -112,33 +117,35 @@ class PointTracker:
         With one frame in ``frames`` all earlier points are cleared.
         """
         if len(frames) < 2:
-            self._points, self._frames = Points(), 0
-        elif len(self._points):
-            self._points = _thinned(self._tracked(frames, mask))
-        if self._frames % EVERY == 0:
+            self._points = Points()
+            self._every.reset()
+        due = self._every.due(frames.seconds(min(1, len(frames) - 1)))
+        if len(self._points):
+            self._points = self._tracked(frames, mask, due)
+        if due:
+            self._every.done()
             places = self._new.places(self._points.now, frames, mask)
             self._points = self._points.started(places, self._started)
             self._started += len(places)
-        self._frames += 1
         return self._points
 
-    def _tracked(self, frames: RecentFrames, mask: BoolArray | None) -> Points:
+    def _tracked(self, frames: RecentFrames, mask: BoolArray | None, checked: bool) -> Points:
         points, dt_s = self._points, frames.seconds(1)
         current, previous = frames[0].gray, frames[1].gray
         carried = apply(frames[1].matrix, points.now)
         start = carried + points.velocity * np.float32(dt_s)
         now, good = _follow(previous, current, points.now, start)
-        if self._frames % EVERY == 1:
+        if checked:
             back, found = _follow(current, previous, now, points.now + (now - start))
             away = back - points.now
             good &= found & (magnitude(away) < FORWARD_BACKWARD_PX)
         good &= _usable(now, current.shape, mask)
         velocity = (now - carried) / np.float32(dt_s)
         gain = np.where(points.age > 0, VELOCITY_GAIN, 1.0).astype(np.float32)[:, None]
-        moved = Points(np.concatenate([now[:, None], points.path[:, :-1]], axis=1),
-                       np.minimum(points.age + 1, MAX_FRAMES - 1).astype(np.int32),
-                       points.velocity + gain * (velocity - points.velocity), points.number)
-        return moved.kept(good)
+        oldest_first = np.argsort(-points.age, kind='stable')
+        height, width = current.shape
+        one_a_cell = first_of_cells(now, THINNED_PX, width, height, oldest_first[good[oldest_first]])
+        return points.moved(one_a_cell, now, points.velocity + gain * (velocity - points.velocity))
 
 
 def _follow(
@@ -163,13 +170,6 @@ def _usable(places: FloatArray, shape: tuple[int, ...], mask: BoolArray | None) 
         columns, rows = np.where(good[:, None], places, 0.0).astype(np.intp).T
         good &= mask[rows, columns]
     return good
-
-
-def _thinned(points: Points) -> Points:
-    """Without the younger of two points in one cell of ``THINNED_PX``."""
-    order = np.argsort(-points.age, kind='stable')
-    _, first = np.unique(_cells(points.now[order], THINNED_PX), return_index=True)
-    return points.kept(np.sort(order[first]))
 
 
 def _cells(places: FloatArray, size_px: int) -> npt.NDArray[np.int64]:
