@@ -9,7 +9,7 @@ import argparse
 import multiprocessing
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -22,11 +22,12 @@ import numpy as np
 from tqdm import tqdm
 
 import motion_detect_ros
+from motion_detect_ros.cli.ahead import Ahead
 from motion_detect_ros.cli.outputs import Percentiles, ReplayOutputs, Summary, Tally, write_summary
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import BackendError, FrameError, MotionDetectError, SourceError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
-from motion_detect_ros.core.pipeline import MotionPipeline, use_threads
+from motion_detect_ros.core.pipeline import Measured, MotionPipeline, use_threads
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.presets import load_preset
 from motion_detect_ros.sources.frames import DEFAULT_FPS, FrameSource, SourceFrame
@@ -160,14 +161,17 @@ def replay(job: Job) -> Summary:
     try:
         _make_folder(job.folder)
         with ReplayOutputs(job.folder) as outputs:
-            bar = tqdm(_timed(source, tally), total=source.frame_count, unit='frame', desc=source.name,
-                       disable=None if job.progress else True)
-            for frame in bar:
-                if not decimation.keep_next():
-                    continue
-                for sample in gyro.take(frame.stamp_ns) if gyro else ():
-                    pipeline.add_gyro(sample.stamp_ns, np.array(sample.rate))
-                _process(pipeline, frame, outputs, tally)
+            bar = tqdm(total=source.frame_count, unit='frame', desc=source.name, disable=None if job.progress else True)
+            with bar, Ahead(_timed(source, tally)) as frames, Ahead(
+                    _measured(pipeline, frames, gyro, decimation)) as measured:
+                for index, motion in measured:
+                    bar.update(index + 1 - bar.n)
+                    if motion is None:
+                        tally.bad_frames += 1
+                        continue
+                    result = pipeline.detect(motion)
+                    outputs.write(index, result.stamp_ns, result.detections)
+                    tally.add(result)
         complete = True
     finally:
         summary = _summarize(job, source, tally, complete)
@@ -187,14 +191,19 @@ def _gyro(source: FrameSource, config: PipelineConfig) -> GyroReplay | None:
     return GyroReplay(chain((first,), samples), config.imu.time_offset_s)
 
 
-def _process(pipeline: MotionPipeline, frame: SourceFrame, outputs: ReplayOutputs, tally: Tally) -> None:
-    try:
-        result = pipeline.process(frame.image, frame.stamp_ns)
-    except FrameError:  # a picture the core refuses (size, type) costs that picture only
-        tally.bad_frames += 1
-        return
-    outputs.write(frame.index, result.stamp_ns, result.detections)
-    tally.add(result)
+def _measured(
+    pipeline: MotionPipeline, frames: Iterable[SourceFrame], gyro: GyroReplay | None, decimation: FrameDecimation,
+) -> Iterator[tuple[int, Measured | None]]:
+    """Number of each frame that is processed and the first half of its result, None for one that the core refuses."""
+    for frame in frames:
+        if not decimation.keep_next():
+            continue
+        for sample in gyro.take(frame.stamp_ns) if gyro else ():
+            pipeline.add_gyro(sample.stamp_ns, np.array(sample.rate))
+        try:
+            yield frame.index, pipeline.measure(frame.image, frame.stamp_ns)
+        except FrameError:  # a picture of another size or type costs that picture only
+            yield frame.index, None
 
 
 def _timed(source: FrameSource, tally: Tally) -> Iterator[SourceFrame]:

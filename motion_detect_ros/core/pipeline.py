@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import cv2
@@ -12,15 +12,35 @@ import numpy.typing as npt
 from motion_detect_ros.core.clustering_stage import ClusteringStage
 from motion_detect_ros.core.config import LoadConfig, PipelineConfig
 from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
-from motion_detect_ros.core.geometry.frame_history import FrameHistory
+from motion_detect_ros.core.geometry.frame_history import FrameHistory, ReferenceFrame
 from motion_detect_ros.core.optical_flow.stage import OpticalFlowStage
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
-from motion_detect_ros.core.types import NANOSECONDS, CameraModel, DoubleArray, Result, StageTimes
+from motion_detect_ros.core.types import (
+    NANOSECONDS,
+    CameraModel,
+    DoubleArray,
+    EgoMotion,
+    FlowField,
+    PreparedFrame,
+    Result,
+    StageTimes,
+)
 
 #: Minimum width of the warm-up images; they are shrunk like any other.
 MIN_WARM_UP_PX = 480
 #: Number of warm-up images: the object is detected from the second on, and reported from the third on.
 WARM_UP_FRAMES = 5
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What ``MotionPipeline.measure`` hands to ``detect``."""
+
+    frame: PreparedFrame
+    ego: EgoMotion
+    reference: ReferenceFrame | None
+    flow: FlowField
+    times_ms: StageTimes
 
 
 class MotionPipeline:
@@ -48,6 +68,13 @@ class MotionPipeline:
         image: (H, W) or (H, W, 3) uint8, grey or BGR; stamp_ns: time of exposure, nanoseconds.
         Raises: FrameError for an image that cannot be processed; the state is unchanged then.
         """
+        return self.detect(self.measure(image, stamp_ns))
+
+    def measure(self, image: npt.NDArray[np.uint8], stamp_ns: int) -> Measured:
+        """The first half of ``process``, preprocessing to flow; another thread may do the second of the frame before.
+
+        Raises: FrameError as ``process``.
+        """
         start = perf_counter()
         frame = self._preprocessor.process(image, stamp_ns)
         prepared = perf_counter()
@@ -55,12 +82,16 @@ class MotionPipeline:
         ego_done = perf_counter()
         reference = self._history.step(frame, ego)
         flow = self._optical_flow.process(frame, ego, reference)
-        flowed = perf_counter()
-        detections = self._clustering.process(frame, ego, reference, flow)
-        done = perf_counter()
-        return Result(stamp_ns, ego, flow, detections, StageTimes(
-            1e3 * (prepared - start), 1e3 * (ego_done - prepared),
-            1e3 * (flowed - ego_done), 1e3 * (done - flowed)))
+        return Measured(frame, ego, reference, flow, StageTimes(
+            1e3 * (prepared - start), 1e3 * (ego_done - prepared), 1e3 * (perf_counter() - ego_done)))
+
+    def detect(self, measured: Measured) -> Result:
+        """The second half: clustering and tracks. Frames in their order."""
+        start = perf_counter()
+        ego, flow = measured.ego, measured.flow
+        detections = self._clustering.process(measured.frame, ego, measured.reference, flow)
+        times = replace(measured.times_ms, clustering=1e3 * (perf_counter() - start))
+        return Result(measured.frame.stamp_ns, ego, flow, detections, times)
 
     def add_gyro(self, stamp_ns: int, rate: DoubleArray) -> None:
         """An angular rate, (3,) rad/s in the IMU's frame, in order of time: see ``EgoMotionStage.add_gyro``."""

@@ -1,0 +1,75 @@
+"""Less work a frame while there is too much of it (``load.adapt``), by known steps, and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+#: Compute time over the period from which the load is too high, and under which the next larger step would have to be.
+TOO_HIGH, LOW_ENOUGH = 0.95, 0.7
+#: More is done after so many decisions with room for it; where that was too much within so many decisions, patience is
+#: doubled, up to the last number.
+PATIENCE, RELAPSE, MAX_PATIENCE = 3, 10, 48
+
+
+@dataclass(frozen=True)
+class Step:
+    """``width_share``: of ``preprocessing.max_width_px``; ``of``: one image of so many is processed; ``cost``: of a
+    received image against the first step.
+    """
+
+    width_share: float
+    of: int
+    cost: float
+
+
+#: Costs as measured on the clips (docs/performance.md).
+STEPS = (Step(1.0, 1, 1.0), Step(0.75, 1, 0.65), Step(0.5, 1, 0.4), Step(0.5, 2, 0.2), Step(0.5, 3, 0.14))
+
+
+class LoadControl:
+    """Decides once a second, say, which of ``STEPS`` is worked at."""
+
+    def __init__(self) -> None:
+        self._number, self._with_room, self._patience = 0, 0, PATIENCE
+        self._since_more = RELAPSE
+
+    @property
+    def step(self) -> Step:
+        """The present one."""
+        return STEPS[self._number]
+
+    @property
+    def reduced(self) -> str:
+        """In a few words what is left out; empty at full work."""
+        if not self._number:
+            return ''
+        images = 'every image' if self.step.of == 1 else f'1 image of {self.step.of}'
+        return f'load reduced: {self.step.width_share:.0%} of the working width, {images}'
+
+    def decide(self, compute_s: float, period_s: float) -> bool:
+        """Whether the step has changed.
+
+        compute_s: mean time for a processed image since the last decision; period_s: between received images, over 0.
+        """
+        load = compute_s / (self.step.of * period_s)
+        self._since_more += 1
+        if load > TOO_HIGH:
+            return self._do_less(load)
+        larger = STEPS[max(0, self._number - 1)]
+        has_room = self._number > 0 and load * larger.cost / self.step.cost < LOW_ENOUGH
+        self._with_room = self._with_room + 1 if has_room else 0
+        if self._with_room < self._patience:
+            return False
+        self._number, self._with_room, self._since_more = self._number - 1, 0, 0
+        return True
+
+    def _do_less(self, load: float) -> bool:
+        """As many steps down as the load is expected to need."""
+        before = self._number
+        full = load / self.step.cost
+        while self._number < len(STEPS) - 1 and (self._number == before or full * self.step.cost > TOO_HIGH):
+            self._number += 1
+        if self._since_more <= RELAPSE:
+            self._patience = min(MAX_PATIENCE, 2 * self._patience)
+        self._with_room = 0
+        return self._number != before
