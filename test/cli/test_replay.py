@@ -17,7 +17,7 @@ from motion_detect_ros.__main__ import main
 from motion_detect_ros.cli.outputs import Percentiles, csv_row
 from motion_detect_ros.cli.replay import Job, replay, worker_pool
 from motion_detect_ros.core.config import LoadConfig, PipelineConfig
-from motion_detect_ros.core.pipeline import MotionPipeline, use_threads
+from motion_detect_ros.core.pipeline import Measured, MotionPipeline, use_threads
 from motion_detect_ros.core.types import DETECTION_DTYPE, Result, empty_detections
 from motion_detect_ros.sources.bags import BagWriter
 
@@ -165,14 +165,14 @@ def test_a_cut_bag_is_partial_and_its_frames_are_kept(bag: Path, tmp_path: Path)
 def test_an_interrupted_run_keeps_what_it_wrote(
     bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    process = MotionPipeline.process
+    detect = MotionPipeline.detect
 
-    def interrupted(self: MotionPipeline, image: np.ndarray, stamp_ns: int) -> Result:
-        if stamp_ns == 10**9 + 10 * 40_000_000:
+    def interrupted(self: MotionPipeline, measured: Measured) -> Result:
+        if measured.frame.stamp_ns == 10**9 + 10 * 40_000_000:
             raise KeyboardInterrupt
-        return process(self, image, stamp_ns)
+        return detect(self, measured)
 
-    monkeypatch.setattr(MotionPipeline, 'process', interrupted)
+    monkeypatch.setattr(MotionPipeline, 'detect', interrupted)
     with pytest.raises(KeyboardInterrupt):
         replay(Job(str(bag), tmp_path, PipelineConfig()))
     summary = json.loads((tmp_path / 'summary.json').read_text())
