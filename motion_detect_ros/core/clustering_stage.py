@@ -77,6 +77,9 @@ class ClusteringStage:
         if ego.status in STARTS_ANEW or (last is not None and _unlike(last, frame)):
             for part in (self._scene, self._detector, self._last_flow, self._tracker):
                 part.reset()
+        elif last is not None and last.gray.shape != frame.gray.shape:  # only the working resolution has changed
+            for part in (self._scene, self._detector):
+                part.reset()
         elif last is not None and last.stamp_ns < ego.prev_stamp_ns:
             self._tracker.coast_without_frame((ego.prev_stamp_ns - last.stamp_ns) / NANOSECONDS, frame.width)
         from_points = self._from_points(frame, ego)

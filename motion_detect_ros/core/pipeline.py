@@ -97,6 +97,13 @@ class MotionPipeline:
         """An angular rate, (3,) rad/s in the IMU's frame, in order of time: see ``EgoMotionStage.add_gyro``."""
         self._ego_motion.add_gyro(stamp_ns, rate)
 
+    def limit_width(self, share: float) -> None:
+        """Less work from the next frame on: at most this share, 0 .. 1, of ``preprocessing.max_width_px``.
+
+        Tracks, ids and the camera's motion go on; points tracked over a second start anew.
+        """
+        self._preprocessor.limit_width(share)
+
     def use_camera(self, camera: CameraModel) -> None:
         """Calibration from now on."""
         self._ego_motion.camera = camera

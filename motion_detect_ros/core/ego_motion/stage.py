@@ -15,6 +15,7 @@ from motion_detect_ros.core.ego_motion.robust_fit import MotionFit
 from motion_detect_ros.core.ego_motion.smoothing import make_smoother
 from motion_detect_ros.core.geometry.affine import to_centre
 from motion_detect_ros.core.geometry.motion_models import theta_matrix
+from motion_detect_ros.core.geometry.resizing import at_resolution_of
 from motion_detect_ros.core.types import (
     NANOSECONDS,
     CameraModel,
@@ -61,6 +62,7 @@ class EgoMotionStage:
             self._filter.reset()
             self._relative_pose.reset()
             return no_estimate(status, frame.stamp_ns, frame.stamp_ns)
+        previous = at_resolution_of(previous, frame)
         prior = self._gyro.between(previous, frame, self.camera)
         measured = self._method.measure(previous, frame, None if prior is None else prior.matrix)
         ego = self._planar(measured, prior, previous, frame)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from motion_detect_ros.core.geometry.motion_chain import MAX_LINKS, MotionChain
+from motion_detect_ros.core.geometry.resizing import like
 from motion_detect_ros.core.types import NANOSECONDS, ByteArray, DoubleArray, EgoMotion, PreparedFrame
 
 
@@ -31,7 +32,7 @@ class FrameHistory:
     def __init__(self, baseline_s: float) -> None:
         self._baseline_s = baseline_s
         self._chain = MotionChain()
-        self._frames: dict[int, ByteArray] = {}
+        self._frames: dict[int, PreparedFrame] = {}
 
     def reset(self) -> None:
         """Clear all frames."""
@@ -42,10 +43,11 @@ class FrameHistory:
         """Add a frame and the motion into it; returns its reference frame, None where there is none."""
         self._chain.append(ego)
         link = self._chain.nearest(self._baseline_s)
-        gray = self._frames.get(link.stamp_ns) if link else None
-        self._frames[frame.stamp_ns] = frame.gray
+        earlier = self._frames.get(link.stamp_ns) if link else None
+        self._frames[frame.stamp_ns] = frame
         while len(self._frames) > MAX_LINKS + 1:
             del self._frames[next(iter(self._frames))]
-        if link is None or gray is None or gray.shape != frame.gray.shape:
+        if link is None or earlier is None or (earlier.width, earlier.height) != (frame.width, frame.height):
             return None
-        return ReferenceFrame(gray, link.matrix, (frame.stamp_ns - link.stamp_ns) / NANOSECONDS)
+        seconds = (frame.stamp_ns - link.stamp_ns) / NANOSECONDS
+        return ReferenceFrame(like(earlier.gray, frame.gray.shape), link.matrix, seconds)

@@ -24,16 +24,23 @@ class Preprocessor:
 
     def __init__(self, config: PreprocessingConfig) -> None:
         self._config = config
+        self._max_width_px = config.max_width_px
         self._regions = parse_regions(config.ignore_regions)
         self._ignored: dict[tuple[int, int], BoolArray | None] = {}
         self._overlay = OverlayFinder()
+
+    def limit_width(self, share: float) -> None:
+        """From the next frame on the working width is this share, 0 .. 1, of ``max_width_px`` at most."""
+        self._max_width_px = max(MIN_SIDE_PX, round(share * self._config.max_width_px))
+        self._ignored.clear()
+        self._overlay.reset()
 
     def reset(self) -> None:
         """Clear the overlays detected so far."""
         self._overlay.reset()
 
     def process(self, image: npt.NDArray[np.uint8], stamp_ns: int) -> PreparedFrame:
-        """Grey, shrunk to ``max_width_px``, denoised, with the mask of pixels that show the scene.
+        """Grey, shrunk to the working width, denoised, with the mask of pixels that show the scene.
 
         image: (H, W) grey or (H, W, 3) BGR, uint8.
         Raises: FrameError for another shape or type, a side too small to work on, or an ignored region that is not on
@@ -41,7 +48,7 @@ class Preprocessor:
         """
         height, width = _checked_size(image)
         gray = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-        scale = min(1.0, self._config.max_width_px / width)
+        scale = min(1.0, self._max_width_px / width)
         if scale < 1.0:
             size = (round(width * scale), max(1, round(height * scale)))
             gray = cv2.resize(gray, size, interpolation=cv2.INTER_AREA)

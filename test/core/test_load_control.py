@@ -1,0 +1,84 @@
+"""Work that follows the load, and what changes with the working width."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from motion_detect_ros.core.load_control import STEPS, LoadControl
+from motion_detect_ros.core.pipeline import MotionPipeline
+from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
+
+PERIOD_S = 0.04
+
+
+def played(control: LoadControl, full_ms: float, seconds: int) -> list[int]:
+    """Numbers of the steps while a received image at full work would take ``full_ms``."""
+    numbers = []
+    for _ in range(seconds):
+        control.decide(1e-3 * full_ms * control.step.cost * control.step.of, PERIOD_S)
+        numbers.append(STEPS.index(control.step))
+    return numbers
+
+
+def test_nothing_changes_while_there_is_time() -> None:
+    control = LoadControl()
+    assert played(control, 35.0, 50) == [0] * 50
+    assert control.reduced == ''
+
+
+@pytest.mark.parametrize(('full_ms', 'number'), [(45.0, 1), (70.0, 2), (120.0, 3), (250.0, 4)])
+def test_one_decision_finds_a_step_that_fits(full_ms: float, number: int) -> None:
+    control = LoadControl()
+    assert played(control, full_ms, 20) == [number] * 20
+    share, of = STEPS[number].width_share, STEPS[number].of
+    assert f'{share:.0%}' in control.reduced and (f'1 image of {of}' if of > 1 else 'every image') in control.reduced
+    assert 1e-3 * full_ms * STEPS[number].cost <= PERIOD_S
+
+
+def test_it_comes_back_when_the_load_is_gone() -> None:
+    control = LoadControl()
+    played(control, 250.0, 5)
+    back = played(control, 15.0, 30)
+    assert back[-1] == 0 and sorted(back, reverse=True) == back
+    assert back[0] == 4  # not at the first sight of room
+
+
+def test_a_load_that_just_does_not_fit_is_tried_less_and_less_often() -> None:
+    """The costs of the steps are estimates: here the smaller step promises room that is not there."""
+    control, tries = LoadControl(), []
+    for second in range(300):
+        number = STEPS.index(control.step)
+        load_ms = {0: 45.0, 1: 15.0}[number]
+        before = number
+        control.decide(1e-3 * load_ms, PERIOD_S)
+        if STEPS.index(control.step) < before:
+            tries.append(second)
+    gaps = np.diff(tries)
+    assert len(tries) >= 4 and (np.diff(gaps) >= 0).all() and gaps[-1] >= 2 * gaps[0]
+
+
+def test_the_last_step_stays_under_any_load() -> None:
+    assert set(played(LoadControl(), 5000.0, 10)) == {len(STEPS) - 1}
+
+
+def test_another_working_width_in_mid_flight_keeps_track_and_velocity() -> None:
+    config = replace(FlightConfig.single(80.0, 4.0, 2.0, direction_deg=30.0, frames=45), width=960, height=540)
+    flight = SyntheticFlight(config)
+    pipeline = MotionPipeline()
+    shares = {15: 0.75, 22: 0.5, 30: 1.0}
+    found = []
+    for index, frame in enumerate(flight):
+        if index in shares:
+            pipeline.limit_width(shares[index])
+        result = pipeline.process(frame.image, frame.stamp_ns)
+        assert result.ego.ok or index == 0, index
+        found.append(result.detections)
+    late = found[10:]
+    assert [len(each) for each in late] == [1] * len(late)
+    assert len({int(each['id'][0]) for each in late}) == 1
+    speed = np.array([np.hypot(each['vel_u'][0], each['vel_v'][0]) for each in late])
+    assert np.abs(speed / (4.0 * config.fps) - 1.0).max() < 0.25
+    assert np.abs(np.median(speed) / (4.0 * config.fps) - 1.0) < 0.1
