@@ -11,7 +11,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from motion_detect_ros.benchmarks import bench_curves, bench_stages
+from motion_detect_ros.benchmarks import bench_clips, bench_curves, bench_stages
 from motion_detect_ros.benchmarks.bench_plot import draw_curves
 from motion_detect_ros.benchmarks.bench_report import machine, markdown
 from motion_detect_ros.benchmarks.bench_timing import WARM_FRAMES
@@ -119,6 +119,7 @@ def _nodes() -> Any:
 #: Name -> what measures it.
 PARTS: dict[str, Callable[[argparse.Namespace], Any]] = {
     'stages': _stages,
+    'clips': lambda arguments: bench_clips.clip_costs(arguments.frames),
     'reported': lambda arguments: bench_stages.reported(arguments.frames),
     'floor': lambda arguments: [asdict(row) for row in bench_stages.floors(arguments.preset, arguments.frames)],
     'background': lambda arguments: [

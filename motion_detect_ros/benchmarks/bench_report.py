@@ -27,6 +27,10 @@ to the OpenCV floor grows by over a quarter. *goal*: what a companion computer o
 ABOUT = {
     'stages': '''Compute time of every stage, decoded frame to detections; processor: time of all threads together,
 which other load on the machine hardly changes. Median / 95th percentile, ms.''',
+    'clips': '''The presets of the families on real clips, decoded frame to detections, beside two plain methods
+(`benchmarks.plain_methods`; KLT + DBSCAN needs scikit-learn) that take turns with them frame by frame. Wall and
+processor time, ms; not all frames cost the same, so means count. Widths: the steps of `load.adapt`. Needs
+`MOTION_DETECT_DATA`.''',
     'reported': '''The two tables of the report this project implements (its figures: with a graphics card) and ours,
 CPU only, on flights of the same image size with the preset of that name. Medians, ms.''',
     'floor': '''The whole pipeline against the OpenCV calls it cannot do without, at the same settings, called plainly,
@@ -75,6 +79,15 @@ def _stages(stages: Mapping[str, list[dict[str, Any]]]) -> list[str]:
     return _table(('image', *names, 'goal'), ((
         size, *(f'{row["p50"]:.1f} / {row["p95"]:.1f}' for row in rows), f'{GOALS_MS.get(size, math.nan):.0f}')
         for size, rows in stages.items()))
+
+
+def _clips(clips: list[dict[str, Any]]) -> list[str]:
+    if not clips:
+        return ['Not measured: no clips.']
+    return _table(('clip', '', 'mean, ms', 'median', 'p95', 'p95 / median', 'processor, mean'), (
+        (f'`{clip["clip"]}`, {clip["size"]}' if not place else '', row['name'],
+         *(f'{row[name]:.1f}' for name in ('mean', 'p50', 'p95')), f'{row["p95"] / row["p50"]:.2f}',
+         f'{row["processor"]:.1f}') for clip in clips for place, row in enumerate(clip['rows'])))
 
 
 def _reported(tables: list[dict[str, Any]]) -> list[str]:
@@ -148,6 +161,7 @@ def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
 #: Part -> title and what makes its table.
 SECTIONS: dict[str, tuple[str, Any]] = {
     'stages': ('Stages', _stages),
+    'clips': ('Real clips', _clips),
     'reported': ('The report\'s tables', _reported),
     'floor': ('Against the floor', _ratios('pipeline', 'OpenCV calls', FLOOR_GOAL)),
     'background': ('Planar and three-dimensional background', _ratios('3-D', 'planar', SPACE_GOAL)),
