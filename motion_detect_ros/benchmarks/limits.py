@@ -1,10 +1,10 @@
 """How small, slow and fast: recall on synthetic flights over object size, object speed and camera motion.
 
-    python -m motion_detect_ros.benchmarks.limits [--seeds N] [--jobs N] [--set NAME=VALUE ...] [--picture FILE]
-        [--write docs/accuracy.md]
+    python -m motion_detect_ros.benchmarks.limits [--preset NAME] [--seeds N] [--jobs N] [--set NAME=VALUE ...]
+        [--picture FILE] [--write docs/accuracy.md]
 
-Recall at IoU 0.3 of textured square objects that have been in view for 8 frames, by the default preset. Prints the
-tables and the limits of 90 % recall, reached from the reference object outwards.
+Recall at IoU 0.3 of textured square objects that have been in view for 8 frames. Prints the tables and the limits of
+90 % recall, reached from the reference object outwards.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.core.settings import with_settings
 from motion_detect_ros.core.types import DoubleArray
+from motion_detect_ros.presets import load_preset
 
 SECTION = 'limits'
 #: Recall that counts as found.
@@ -135,14 +136,15 @@ def measure(config: PipelineConfig, sizes: Sequence[float], seeds: int, processe
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command; exit code 2 for wrong settings or a file that cannot be written."""
     parser = argparse.ArgumentParser(prog='limits', description='Recall over size, speed and camera motion.')
+    parser.add_argument('--preset', default='visdrone', metavar='NAME', help='name or YAML file (default: visdrone)')
     parser.add_argument('--seeds', type=int, default=2, metavar='N', help='flights a cell (default: 2)')
     parser.add_argument('--jobs', type=int, default=2, metavar='N', help='processes (default: 2)')
-    parser.add_argument('--set', nargs='*', default=[], metavar='NAME=VALUE', help='settings on top of the default')
+    parser.add_argument('--set', nargs='*', default=[], metavar='NAME=VALUE', help='settings on top of the preset')
     parser.add_argument('--picture', type=Path, metavar='FILE', help='draw the heat maps (needs the extra plots)')
     parser.add_argument('--write', type=Path, metavar='FILE', help='put the tables into this document, too')
     options = parser.parse_args(arguments)
     try:
-        config = with_settings(PipelineConfig(), read_changes(options.set))
+        config = with_settings(load_preset(options.preset), read_changes(options.set))
         if options.picture:
             make_figure(1, 1)
         recalls = measure(config, SIZES_PX, options.seeds, options.jobs)
@@ -151,7 +153,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.picture:
             draw(recalls, options.picture)
         if options.write:
-            replace_section(options.write, SECTION, lines)
+            replace_section(options.write, f'{SECTION}, preset {options.preset}', lines)
     except MotionDetectError as error:
         print(f'error: {error}', file=sys.stderr)
         return 2
