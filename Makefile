@@ -67,7 +67,7 @@ test-jazzy: export AMENT_PREFIX_PATH := $(CURDIR)/$(JAZZY)
 test-jazzy: export ROS_HOME := $(CURDIR)/$(JAZZY)/ros_home
 test-jazzy: export PYTHONPATH := $(CURDIR)
 test-jazzy: $(JAZZY)/.ready
-	$(JAZZY)/bin/python -m pytest -p no:cacheprovider -m "not timing" test/core test/sources test/bridge test/cli test/nodes test/faults
+	$(JAZZY)/bin/python -m pytest -p no:cacheprovider -m "not timing" test/core test/sources test/bridge test/cli test/nodes test/faults test/examples
 
 $(JAZZY)/.ready: requirements-jazzy.lock
 	@$(PYTHON_JAZZY) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 12))' || \

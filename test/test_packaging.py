@@ -71,7 +71,7 @@ def colcon_prefix(source: Path) -> Path:
 
 def shipped_files() -> set[str]:
     """What every installation must hold under share/, from what lies in the source tree."""
-    folders = ((folder, REPOSITORY / folder) for folder in ('config', 'launch'))
+    folders = ((folder, REPOSITORY / folder) for folder in ('config', 'launch', 'examples'))
     files = {f'{name}/{file.name}' for name, folder in folders for file in folder.iterdir() if file.is_file()}
     return files | {'package.xml'}
 
@@ -148,6 +148,7 @@ def test_every_import_is_a_declared_dependency_and_no_package_of_ros_is_declared
     imported = imported_packages(PACKAGE, 'launch')
     declared = pip_requirements() | ros_requirements()
     assert sorted(imported - declared) == []
+    assert sorted(imported_packages('examples') - declared - {'vision_msgs'}) == []
     libraries = {'numpy', 'opencv', 'scipy', 'tqdm', 'yaml'}
     assert sorted(ros_requirements() - libraries - imported) == []
 

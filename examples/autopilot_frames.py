@@ -1,0 +1,120 @@
+"""Bearings in the frames of PX4 and ArduPilot: body FRD (forward, right, down) and world NED (north, east, down).
+
+    python3 autopilot_frames.py --ros-args -p camera_pitch_deg:=30.0 -r imu/data:=/mavros/imu/data \
+        -r obstacles:=/mavros/obstacle/send
+
+Subscribes to ``detections`` and ``imu/data`` (sensor_msgs/Imu with the attitude as MAVROS gives it: FLU body in ENU
+world, REP 103). Publishes for each image ``~/bearings_ned`` (sensor_msgs/PointCloud2: north, east, down float32, unit
+rays, and id) and ``obstacles`` (sensor_msgs/LaserScan for MAVROS' obstacle_distance, with mav_frame BODY_FRD).
+
+The four frames: the optical one of our bearings is x right, y down, z forward. FRD is the autopilot's body, NED its
+world. REP 103, and with it MAVROS towards ROS, uses FLU (forward, left, up) and ENU (east, north, up).
+
+``obstacles`` has 72 sectors of 5 degrees, clockwise from the nose as MAVLink's OBSTACLE_DISTANCE wants them. Sectors
+with a moving object hold the ASSUMED distance ``range_m`` (one camera measures none), all others NaN = unknown: they
+may hold a wall. The camera looks along the nose, ``camera_pitch_deg`` below it.
+"""
+
+import math
+from collections import deque
+from contextlib import suppress
+
+import numpy as np
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import Imu, LaserScan, PointCloud2
+
+from motion_detect_ros.bridge.records import read_detections, records_to_msg
+
+SECTORS = 72
+#: An attitude further away in time than this is not that of the image, seconds; how many are kept.
+NEAR_S, KEPT = 0.1, 400
+NED = np.dtype([('north', '<f4'), ('east', '<f4'), ('down', '<f4'), ('id', '<u4')])
+
+
+def optical_to_frd(rays, camera_pitch_deg=0.0):
+    """(n, 3) optical rays as (n, 3) FRD; the camera looks along the nose, so far below it."""
+    right, down, forward = np.moveaxis(np.asarray(rays, np.float64), -1, 0)
+    cos, sin = math.cos(math.radians(camera_pitch_deg)), math.sin(math.radians(camera_pitch_deg))
+    return np.stack([cos * forward - sin * down, right, sin * forward + cos * down], axis=-1)
+
+
+def rotation_of(w, x, y, z):
+    """(3, 3) matrix of a unit quaternion, Hamilton's convention as PX4, MAVLink and ROS use it."""
+    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                     [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                     [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
+
+
+def frd_to_ned(rays, frd_in_ned):
+    """(n, 3) FRD rays as (n, 3) NED; frd_in_ned: PX4's VehicleAttitude.q or MAVLink's ATTITUDE_QUATERNION, w first."""
+    return np.asarray(rays) @ rotation_of(*frd_in_ned).T
+
+
+def frd_to_ned_by_ros(rays, flu_in_enu):
+    """(n, 3) FRD rays as (n, 3) NED; flu_in_enu: attitude as ROS and MAVROS give it, w first."""
+    east, north, up = np.moveaxis((np.asarray(rays) * (1, -1, -1)) @ rotation_of(*flu_in_enu).T, -1, 0)
+    return np.stack([north, east, -up], axis=-1)
+
+
+def sectors_of(frd, range_m):
+    """(72,) distances in metres, NaN where no object is: sector k is centred 5 k degrees clockwise from the nose."""
+    ranges = np.full(SECTORS, np.nan)
+    degrees = np.degrees(np.arctan2(frd[:, 1], frd[:, 0]))
+    ranges[np.round(degrees * SECTORS / 360).astype(int) % SECTORS] = range_m
+    return ranges
+
+
+class AutopilotFrames(Node):
+    """Answers each detections message in the frames of the autopilot."""
+
+    def __init__(self):
+        super().__init__('autopilot_frames')
+        self.camera_pitch_deg = self.declare_parameter('camera_pitch_deg', 0.0).value
+        self.range_m = self.declare_parameter('range_m', 5.0).value
+        self.attitudes = deque(maxlen=KEPT)
+        self.bearings = self.create_publisher(PointCloud2, '~/bearings_ned', 5)
+        self.scans = self.create_publisher(LaserScan, 'obstacles', 5)
+        self.create_subscription(Imu, 'imu/data', self.on_imu, qos_profile_sensor_data)
+        self.create_subscription(PointCloud2, 'detections', self.on_detections, 5)
+
+    def on_imu(self, msg):
+        """Keep attitudes: images are older than they."""
+        q = msg.orientation
+        self.attitudes.append((seconds(msg.header), (q.w, q.x, q.y, q.z)))
+
+    def on_detections(self, msg):
+        """One image, in both frames."""
+        detections = read_detections(msg)
+        detections = detections[np.isfinite(detections['bearing_z'])]
+        frd = optical_to_frd(np.stack([detections[f'bearing_{axis}'] for axis in 'xyz'], axis=-1),
+                             self.camera_pitch_deg)
+        self.scans.publish(LaserScan(
+            header=msg.header, angle_min=0.0, angle_increment=2 * math.pi / SECTORS, range_min=0.1, range_max=100.0,
+            angle_max=2 * math.pi * (SECTORS - 1) / SECTORS, ranges=sectors_of(frd, self.range_m).tolist()))
+        when = seconds(msg.header)
+        stamp, attitude = min(self.attitudes, key=lambda one: abs(one[0] - when), default=(math.inf, None))
+        if abs(stamp - when) > NEAR_S:
+            return self.get_logger().warning('no attitude of the time of the image', throttle_duration_sec=5.0)
+        records = np.zeros(len(detections), NED)
+        records['north'], records['east'], records['down'] = frd_to_ned_by_ros(frd, attitude).T
+        records['id'] = detections['id']
+        self.bearings.publish(records_to_msg(records, msg.header))
+
+
+def seconds(header):
+    """Stamp of a header, s."""
+    return header.stamp.sec + 1e-9 * header.stamp.nanosec
+
+
+def main():
+    """Until Ctrl-C."""
+    rclpy.init()
+    with suppress(KeyboardInterrupt, ExternalShutdownException):
+        rclpy.spin(AutopilotFrames())
+
+
+if __name__ == '__main__':
+    main()

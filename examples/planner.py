@@ -1,0 +1,83 @@
+"""Suggests what to do about moving objects: ``go``, ``stop``, or a side-step to the ``left`` or the ``right``.
+
+    python3 planner.py --ros-args -p horizon_s:=3.0
+
+Subscribes to ``detections`` and ``camera_info`` (for the width of the image only, so that no calibration is needed),
+publishes ``~/suggestion`` (std_msgs/String), one for each image.
+
+The rule: an object counts when its time to contact is under ``horizon_s`` and it is, or within ``look_ahead_s`` will
+be, in the corridor: the middle ``corridor`` of the image. Objects that will be on one side only are passed on the other
+side; one in the middle, or some on both sides, mean stop. Time to contact is known for objects of about 60 px and more,
+and it is an estimate: over the built-in flight, where nothing comes closer, one image in seven suggests a side-step.
+Slow down on a suggestion rather than trust a single one, and keep away from people by other means.
+"""
+
+from contextlib import suppress
+
+import numpy as np
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from sensor_msgs.msg import CameraInfo, PointCloud2
+from std_msgs.msg import String
+
+from motion_detect_ros.bridge.records import read_detections
+
+#: Share of the corridor around the middle where no side is the better one.
+UNDECIDED = 0.2
+
+
+def suggest(detections, width_px, horizon_s=3.0, look_ahead_s=1.0, corridor=0.5):
+    """``go``, ``stop``, ``left`` or ``right``; detections: array of ``read_detections``, width_px: of the image."""
+    half_px = corridor * width_px / 2
+    now_px = detections['u'] - (width_px - 1) / 2  # from the middle, to the right
+    soon_px = now_px + look_ahead_s * detections['vel_u']
+    meets = (np.minimum(now_px, soon_px) < half_px) & (np.maximum(now_px, soon_px) > -half_px)
+    danger = meets & (detections['ttc'] < horizon_s)  # NaN (unknown) and inf (recedes) are no danger
+    if not danger.any():
+        return 'go'
+    at = soon_px[danger] / half_px
+    if (at > UNDECIDED).all():
+        return 'left'
+    if (at < -UNDECIDED).all():
+        return 'right'
+    return 'stop'
+
+
+class Planner(Node):
+    """Answers each detections message with a suggestion."""
+
+    def __init__(self):
+        super().__init__('avoidance')
+        self.rule = {name: self.declare_parameter(name, default).value for name, default in (
+            ('horizon_s', 3.0), ('look_ahead_s', 1.0), ('corridor', 0.5))}
+        self.width_px = 0
+        self.suggestion = ''
+        self.publisher = self.create_publisher(String, '~/suggestion', 5)
+        self.create_subscription(CameraInfo, 'camera_info', self.on_camera_info, 1)
+        self.create_subscription(PointCloud2, 'detections', self.on_detections, 5)
+
+    def on_camera_info(self, msg):
+        """The size of the images."""
+        self.width_px = msg.width
+
+    def on_detections(self, msg):
+        """One image: suggest."""
+        if not self.width_px:
+            return self.get_logger().warning('no camera_info yet', throttle_duration_sec=5.0)
+        suggestion = suggest(read_detections(msg), self.width_px, **self.rule)
+        self.publisher.publish(String(data=suggestion))
+        if suggestion != self.suggestion:
+            self.get_logger().info(suggestion)
+            self.suggestion = suggestion
+
+
+def main():
+    """Until Ctrl-C."""
+    rclpy.init()
+    with suppress(KeyboardInterrupt, ExternalShutdownException):
+        rclpy.spin(Planner())
+
+
+if __name__ == '__main__':
+    main()
