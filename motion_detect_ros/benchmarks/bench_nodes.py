@@ -20,14 +20,14 @@ KILOBYTES_PER_MEGABYTE = 1024.0
 class NodeProcesses:
     """Runs ``nodes``, each in a process of its own, with the shipped transport; use as a context manager.
 
-    parameters: ``name:=value`` or a parameter file for every node; variables: further environment.
+    parameters: ``name:=value`` or a parameter file for every node; variables: further environment; namespace: of all.
     """
 
     def __init__(
         self, nodes: tuple[str, ...], domain_id: int, parameters: tuple[str, ...] = (),
-        variables: dict[str, str] | None = None,
+        variables: dict[str, str] | None = None, namespace: str = '',
     ) -> None:
-        self._nodes, self._arguments = nodes, list[str]()
+        self._nodes, self._arguments = nodes, ['-r', f'__ns:=/{namespace}']
         for parameter in parameters:
             self._arguments += ['--params-file' if parameter.endswith('.yaml') else '-p', parameter]
         self._log = Path(tempfile.mkdtemp(prefix='motion_detect_'))
