@@ -44,7 +44,7 @@ setup(
         (f'share/{PACKAGE}', ['package.xml']),
         (f'share/{PACKAGE}/config', sorted(glob('config/*.*'))),
         (f'share/{PACKAGE}/launch', sorted(glob('launch/*.launch.py'))),
-        (f'share/{PACKAGE}/examples', sorted(glob('examples/*.*'))),
+        (f'share/{PACKAGE}/examples', [*sorted(glob('examples/*.*')), 'examples/Dockerfile']),
     ],
     zip_safe=True,
     entry_points={'console_scripts': [f'{node} = {PACKAGE}.nodes.{node}:main' for node in NODES]},
