@@ -12,7 +12,7 @@ export AMENT_PREFIX_PATH := $(VIRTUAL_ENV)
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 export ROS_HOME ?= $(CURDIR)/$(VENV)/ros_home
 
-.PHONY: setup demo test test-timing test-extras test-jazzy lint bench clean
+.PHONY: setup demo test test-timing test-extras test-jazzy check-aarch64 lint bench clean
 
 setup: $(STAMP)
 
@@ -75,6 +75,14 @@ $(JAZZY)/.ready: requirements-jazzy.lock
 	$(PYTHON_JAZZY) -m venv $(JAZZY)
 	$(JAZZY)/bin/pip install --quiet --disable-pip-version-check -r requirements-jazzy.lock
 	@touch $@
+
+# Every dependency but ROS, in the locked versions, exists as a binary for the computers of most drones.
+REQUIRED := 'from importlib.metadata import requires; print(*[r for r in requires("motion_detect_ros") if "extra ==" not in r], sep="\n")'
+check-aarch64: $(STAMP)
+	@folder=$$(mktemp -d) && trap 'rm -rf "$$folder"' EXIT && $(BIN)/python -c $(REQUIRED) > "$$folder/required.txt" && \
+	  $(BIN)/pip download --quiet --disable-pip-version-check --dest "$$folder" --only-binary=:all: \
+	    --platform manylinux2014_aarch64 --platform manylinux_2_28_aarch64 --python-version 3.12 \
+	    -r "$$folder/required.txt" -c requirements.lock && cd "$$folder" && ls -- *.whl
 
 bench: $(STAMP)
 	$(BIN)/python -m motion_detect_ros bench
