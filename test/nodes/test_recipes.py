@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import pytest
 import yaml
-from peers import picture, small
+from peers import lossless, picture, small
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
 
@@ -20,6 +20,11 @@ from motion_detect_ros.bridge.records import read_detections
 REPOSITORY = Path(__file__).resolve().parents[2]
 PAGE = (REPOSITORY / 'docs' / 'recipes.md').read_text(encoding='utf-8')
 UNIT, DOCKERFILE = REPOSITORY / 'examples' / 'motion_detect.service', REPOSITORY / 'examples' / 'Dockerfile'
+
+
+def whole(namespace: str) -> list[str]:
+    """Settings under which no image and no answer is lost."""
+    return lossless(f'{namespace}/image_raw', f'{namespace}/detections')
 
 
 def test_two_cameras_in_namespaces_do_not_hear_each_other(peer, start, tmp_path):
@@ -31,9 +36,10 @@ def test_two_cameras_in_namespaces_do_not_hear_each_other(peer, start, tmp_path)
         for index in range(30):
             cv2.imwrite(str(folder / f'{index:03d}.png'), picture(index)[:, ::1 if name == 'front' else -1])
         answers[name] = peer.subscribe(PointCloud2, f'/{name}/detections')
-        start('pipeline', *small('queue_size:=100'), '-r', f'__ns:=/{name}')
+        start('pipeline', *small('queue_size:=100'), *whole(name), '-r', f'__ns:=/{name}')
     for name in answers:
-        start('camera', '-r', f'__ns:=/{name}', '-p', f'source:={tmp_path / name}', '-p', 'fps:=10.0',
+        peer.known_to(f'/{name}/pipeline')
+        start('camera', *whole(name), '-r', f'__ns:=/{name}', '-p', f'source:={tmp_path / name}', '-p', 'fps:=10.0',
               '-p', 'wait_for_subscribers:=1', '-p', 'realtime:=false', '-p', f'frame_id:={name}')
     velocities = {name: [] for name in answers}
 
