@@ -78,8 +78,7 @@ class EgoMotionConfig:
         4, 'autoregressive: measurements that the next one is predicted from', low=1, high=12, unit='frames')
     ar_forgetting_s: float = setting(
         1.6, 'autoregressive: over how long its weights are learnt', low=0.05, high=60.0, unit='s')
-    max_gap_s: float = setting(
-        1.0, 'a longer gap between frames starts everything anew', low=0.01, high=60.0, unit='s')
+    max_gap_s: float = setting(1.0, 'a longer gap between frames starts everything anew', low=0.01, high=60.0, unit='s')
     relative_pose: bool = setting(
         False, 'rotation, direction of travel, epipole and ground plane from the tracks; needs calibration or takes '
         'background.focal_share; methods indirect and flow')
@@ -96,8 +95,7 @@ class ImuConfig:
     use: bool = setting(
         False, 'rotation of the IMU as prior of the ego-motion, and instead of it where the image determines none; '
         'needs a calibrated camera')
-    time_offset_s: float = setting(
-        0.0, "added to the IMU's stamps to get the camera's", low=-10.0, high=10.0, unit='s')
+    time_offset_s: float = setting(0.0, "added to the IMU's stamps to get the camera's", low=-10.0, high=10.0, unit='s')
     roll_rad: float = setting(
         0.0, "optical frame from IMU frame, Rz(yaw) Ry(pitch) Rx(roll): about the optical x axis; an IMU with x ahead, "
         'y left, z up needs 1.5708, -1.5708, 0', low=-3.2, high=3.2, unit='rad')
@@ -106,8 +104,7 @@ class ImuConfig:
     noise_rad_s: float = setting(
         0.01, 'error of the rate averaged over a frame, bias included (standard deviation)',
         low=1e-6, high=1.0, unit='rad/s')
-    max_gap_s: float = setting(
-        0.15, 'longer gaps between samples are not bridged', low=0.001, high=10.0, unit='s')
+    max_gap_s: float = setting(0.15, 'longer gaps between samples are not bridged', low=0.001, high=10.0, unit='s')
 
 
 @dataclass(frozen=True)
@@ -131,8 +128,7 @@ class OpticalFlowConfig:
         10.0, 'weight of smooth flow against equal grey values in these rounds: more holds noise down, less lets small '
         'objects move for themselves', low=0.1, high=1000.0)
     grid_px: int = setting(4, 'cell size of the flow grid, working-resolution pixels', low=1, high=32, unit='px')
-    forward_backward_px: float = setting(
-        0.7, 'largest accepted forward-backward error', low=0.05, high=20.0, unit='px')
+    forward_backward_px: float = setting(0.7, 'largest accepted forward-backward error', low=0.05, high=20.0, unit='px')
     full_every: int = setting(
         1, 'flow of the whole image in every such frame, in between only around the last moving cells',
         low=1, high=100, unit='frames')
@@ -183,8 +179,7 @@ class Art2Config:
     max_neurons: int = setting(25, 'neurons the network may grow to', low=2, high=200)
     forget_s: float = setting(
         0.4, 'a neuron that wins nothing for this long is forgotten', low=0.001, high=60.0, unit='s')
-    merge_match: float = setting(
-        1.0, 'neurons whose match is over this become one, 1 = none', low=0.0, high=1.0)
+    merge_match: float = setting(1.0, 'neurons whose match is over this become one, 1 = none', low=0.0, high=1.0)
     background_sigma: float = setting(
         4.0, 'classic: vectors up to this length are background', low=0.0, high=1000.0, unit='noise units')
     learning: str = setting(
@@ -195,8 +190,7 @@ class Art2Config:
     c: float = setting(0.1, 'classic: weight of p in the test for reset; c d / (1 - d) is at most 1', low=0.0, high=1.0)
     d: float = setting(0.9, 'classic: output of the winning neuron', low=0.01, high=0.99)
     e: float = setting(0.0, 'classic: added to every norm', low=0.0, high=0.1)
-    theta: float = setting(
-        0.1, 'classic: components of the normalised vector up to this are noise', low=0.0, high=0.99)
+    theta: float = setting(0.1, 'classic: components of the normalised vector up to this are noise', low=0.0, high=0.99)
 
     def __post_init__(self) -> None:
         unknown = [name for name in self.feature_names if name not in ('motion', *FLOW_FEATURES)]
@@ -229,8 +223,7 @@ class ObjectsConfig:
         low=0.1, high=100.0)
     peak_share: float = setting(
         0.15, 'pixels whose gain is under this share of the strongest ones are shadow or blur', low=0.0, high=1.0)
-    closing_px: int = setting(
-        5, 'gaps up to this size within an object are closed', low=1, high=99, unit='px')
+    closing_px: int = setting(5, 'gaps up to this size within an object are closed', low=1, high=99, unit='px')
 
 
 @dataclass(frozen=True)
@@ -274,6 +267,8 @@ class LoadConfig:
     decimation_of: int = setting(
         1, '... of every so many frames are processed, the others as if never seen; 2 of 5: pairs for the flow, and '
         'time to process them', low=1, high=1000, unit='frames')
+    adapt: bool = setting(
+        False, 'less work by known steps while images take longer than their period; node pipeline only')
     threads: int = setting(
         0, 'threads of OpenCV, 0 = as many as there are cores; with 1 backward flow follows forward flow',
         low=0, high=256)
