@@ -40,7 +40,7 @@ EVERY = sorted({getattr(Transition, name) for name in dir(Transition) if name.st
 #: The way through all states that a node can come back to.
 ROUND = ((UNCONFIGURED, Transition.TRANSITION_CONFIGURE), (INACTIVE, Transition.TRANSITION_ACTIVATE),
          (ACTIVE, Transition.TRANSITION_DEACTIVATE), (INACTIVE, Transition.TRANSITION_CLEANUP))
-SEQUENCES, STEPS = 100, 10
+SEQUENCES, STEPS = 500, 10
 SEED = 20240523
 
 
