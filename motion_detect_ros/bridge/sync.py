@@ -4,40 +4,57 @@ from __future__ import annotations
 
 from typing import Any
 
+from motion_detect_ros.core.stamp_order import StampOrder, Verdict
+
 
 class ExactJoin:
     """Collects one item of every name for each stamp. Not thread-safe: feed it from one executor."""
 
-    def __init__(self, names: tuple[str, ...], capacity: int) -> None:
-        self._names = names
+    def __init__(self, names: tuple[str, ...], capacity: int, reorder_s: float = 0.0) -> None:
+        """reorder_s: as for ``StampOrder``, which every name has one of."""
         self._capacity = capacity
         self._waiting: dict[int, dict[str, Any]] = {}
-        self._latest: dict[str, int] = {}
+        self._orders = {name: StampOrder(reorder_s) for name in names}
+        self.verdict = Verdict.NEXT
         self.dropped = 0
 
     def add(self, name: str, stamp_ns: int, item: Any) -> tuple[Any, ...] | None:
         """All items of ``stamp_ns`` in the order of the names, once the last has come; None until then.
 
+        An item whose stamp was seen already or is late is left out; ``verdict`` says so until the next one.
+
         A complete set discards sets of earlier stamps, which can only be incomplete, and counts them as dropped;
         so do sets over ``capacity``, oldest arrival first. Where the stamps of a name go back, its items of later
         times are of another run of the clock and must not meet the present one: they are forgotten.
         """
-        if stamp_ns < self._latest.get(name, stamp_ns):
+        self.verdict = self._orders[name].judge(stamp_ns)
+        if not self.verdict.usable:
+            return None
+        if self.verdict == Verdict.JUMP:
             self._forget_later(name, stamp_ns)
-        self._latest[name] = stamp_ns
         items = self._waiting.setdefault(stamp_ns, {})
         items[name] = item
-        if len(items) == len(self._names):
+        if len(items) == len(self._orders):
             del self._waiting[stamp_ns]
             self._discard([old for old in self._waiting if old < stamp_ns])
-            return tuple(items[each] for each in self._names)
+            return tuple(items[each] for each in self._orders)
         self._discard(list(self._waiting)[:-self._capacity])
         return None
+
+    def count(self, name: str, verdict: Verdict) -> int:
+        """How many items of a name were judged so."""
+        return self._orders[name].counts[verdict]
+
+    def absent(self) -> tuple[str, ...]:
+        """Names that the set which has waited longest still lacks."""
+        oldest = next(iter(self._waiting.values()), None)
+        return () if oldest is None else tuple(name for name in self._orders if name not in oldest)
 
     def clear(self) -> None:
         """Forget what waits, without counting it."""
         self._waiting.clear()
-        self._latest.clear()
+        for order in self._orders.values():
+            order.reset()
 
     def _forget_later(self, name: str, stamp_ns: int) -> None:
         for stamp, items in self._waiting.items():
