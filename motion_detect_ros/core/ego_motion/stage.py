@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.ego_motion.agreement import agrees
 from motion_detect_ros.core.ego_motion.alternatives.gyro_prior import GyroPrior, Prior
 from motion_detect_ros.core.ego_motion.alternatives.relative_pose import RelativePoseEstimator
 from motion_detect_ros.core.ego_motion.measurement import EgoMotionMeasurement, centre_of
@@ -64,9 +65,16 @@ class EgoMotionStage:
             return no_estimate(status, frame.stamp_ns, frame.stamp_ns)
         previous = at_resolution_of(previous, frame)
         prior = self._gyro.between(previous, frame, self.camera)
-        measured = self._method.measure(previous, frame, None if prior is None else prior.matrix)
+        measured = self._measured(previous, frame, prior)
         ego = self._planar(measured, prior, previous, frame)
         return replace(ego, camera=self._camera_motion(measured, frame)) if self._config.relative_pose else ego
+
+    def _measured(self, previous: PreparedFrame, frame: PreparedFrame, prior: Prior | None) -> EgoMotionMeasurement:
+        measured = self._method.measure(previous, frame, None if prior is None else prior.matrix)
+        fit = measured.fit
+        if fit and not agrees(previous, frame, theta_matrix(fit.theta, centre_of(frame)), fit.residual_px):
+            return EgoMotionMeasurement(None, EgoStatus.DEGENERATE, measured.tracks)
+        return measured
 
     def _planar(
         self, measured: EgoMotionMeasurement, prior: Prior | None, previous: PreparedFrame, frame: PreparedFrame,
