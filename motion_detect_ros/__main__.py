@@ -49,6 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     tune_malloc()
     # Imported here: evaluate and inspect must not wait for numba to load.
     from motion_detect_ros.core.errors import MotionDetectError
+    from motion_detect_ros.sources.secrets import masked
     parser = OneLineParser(prog='motion_detect_ros', description='Moving-object detection from a moving camera.')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     for name, (module, text) in _COMMANDS.items():
@@ -60,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         module, _ = _COMMANDS[options.command]
         return int(importlib.import_module(f'motion_detect_ros.{module}').run(options))
     except MotionDetectError as error:
-        print(f'error: {error}', file=sys.stderr)
+        print(f'error: {masked(str(error))}', file=sys.stderr)
         return WRONG_USE
     except BrokenPipeError:  # the reader of our output (head, less) has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -18,8 +18,11 @@ from motion_detect_ros.bridge.diagnostics import Condition, Reporter, StageStats
 from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.bridge.qos import diagnostics_qos, overridable
 from motion_detect_ros.core.errors import MotionDetectError, SourceError
+from motion_detect_ros.sources.secrets import masked
 
 DIAGNOSTICS_PERIOD_S = 1.0
+#: How often the node looks whether things have become worse, which is reported at once, seconds.
+WATCH_PERIOD_S = 0.2
 #: How long who requested a shutdown gets for its answer and a look at the state before the process ends, seconds.
 SHUTDOWN_LINGER_S = 0.5
 #: Seconds between two warnings about the same thing.
@@ -48,6 +51,7 @@ class ManagedNode(LifecycleNode):
         self._reporter = Reporter(self.get_fully_qualified_name(), self.get_name(), self.stats)
         self._reports = self.create_publisher(DiagnosticArray, '/diagnostics', diagnostics_qos())
         self.every(DIAGNOSTICS_PERIOD_S, self.report)
+        self.every(WATCH_PERIOD_S, self._report_worse)
         self.create_service(Trigger, '~/reset', self._on_reset)
         refuse_impossible_transitions(self)
 
@@ -177,6 +181,10 @@ class ManagedNode(LifecycleNode):
         self._reports.publish(self._reporter.report(
             time.monotonic_ns(), self._judged(), stamp, self.extra_diagnostics()))
 
+    def _report_worse(self) -> None:
+        if self._reporter.worse(time.monotonic_ns(), self._judged()):
+            self.report()
+
     def _judged(self) -> Condition:
         if self._failure:
             return Condition(fault=self._failure)
@@ -214,5 +222,5 @@ def refuse_impossible_transitions(node: LifecycleNode) -> None:
 
 
 def reason_of(error: Exception) -> str:
-    """What a user can do something with: our own messages as they are, others with the name of their class."""
-    return str(error) if isinstance(error, MotionDetectError) else f'{type(error).__name__}: {error}'
+    """What a user can do something with, without credentials: our own messages, others with the name of their class."""
+    return masked(str(error) if isinstance(error, MotionDetectError) else f'{type(error).__name__}: {error}')

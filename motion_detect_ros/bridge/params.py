@@ -18,6 +18,7 @@ from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.core.settings import Scalar, settings, with_settings
 from motion_detect_ros.presets import is_node_parameter
+from motion_detect_ros.sources.secrets import masked
 
 _REFUSED = (InvalidParameterException, InvalidParameterTypeException, InvalidParameterValueException,
             ParameterException)
@@ -61,6 +62,17 @@ def declare_simple(
         raise ConfigError(f'parameter {name}: {_refusal(error, default, low, high)}') from None
     if choices and value not in choices:
         raise ConfigError(f'parameter {name}: expected one of {", ".join(choices)}, got {value!r}')
+    return value
+
+
+def declare_address(node: Node, name: str, default: str, doc: str) -> str:
+    """As ``declare_simple`` for a text that may hold credentials: whoever asks for the parameter gets them masked."""
+    given = getattr(node, '_parameter_overrides', {}).get(name)  # rclpy would announce it as it is
+    value = given.value if given is not None else default
+    if not isinstance(value, str) or masked(value) == value:
+        return str(declare_simple(node, name, default, doc))
+    node.declare_parameter(
+        name, masked(value), ParameterDescriptor(description=doc, read_only=True), ignore_override=True)
     return value
 
 

@@ -16,6 +16,7 @@ from rclpy.task import Future
 from motion_detect_ros.allocator import tune_malloc
 from motion_detect_ros.bridge.managed_node import ManagedNode
 from motion_detect_ros.core.errors import MotionDetectError
+from motion_detect_ros.sources.secrets import masked
 
 #: Exit codes.
 FORCED, WRONG_USE = 1, 2
@@ -103,7 +104,7 @@ def spin(executor: SingleThreadedExecutor, finished: Future) -> None:
 
 
 def _complain(error: Exception) -> int:
-    print(' '.join(str(error).split()), file=sys.stderr)
+    print(' '.join(masked(str(error)).split()), file=sys.stderr)
     return WRONG_USE
 
 

@@ -13,8 +13,10 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import Header
 
 from motion_detect_ros.bridge import transport
+from motion_detect_ros.bridge.calibration import Calibration
 from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.gyro import GyroInput, Sink
+from motion_detect_ros.bridge.image_stream import ImageStream
 from motion_detect_ros.bridge.images import image_from_msg, stamp_ns
 from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode, reason_of
 from motion_detect_ros.bridge.params import declare_config, declare_simple, unknown_parameters
@@ -22,11 +24,11 @@ from motion_detect_ros.bridge.qos import image_qos, overridable
 from motion_detect_ros.bridge.sync import ExactJoin
 from motion_detect_ros.bridge.topics import CAMERA_INFO, COMPRESSED, IMAGE, Topic
 from motion_detect_ros.bridge.worker import Worker
-from motion_detect_ros.core.errors import MotionDetectError
+from motion_detect_ros.core.errors import MessageError, MotionDetectError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.pipeline import use_threads, warm_up
-from motion_detect_ros.core.types import CameraModel
-from motion_detect_ros.sources.camera_info import camera_of
+from motion_detect_ros.core.stamp_order import REORDER_S, Verdict
+from motion_detect_ros.core.types import CameraModel, EgoMotion
 from motion_detect_ros.sources.encoding import ImageDecoder
 
 #: Images this large are lost between processes by stock Fast DDS, bytes.
@@ -42,6 +44,8 @@ class StageNode(ManagedNode):
 
     #: Topics joined besides the image.
     inputs: tuple[Topic, ...] = ()
+    #: Whether the stage has a use for the calibration.
+    uses_camera = True
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -55,25 +59,36 @@ class StageNode(ManagedNode):
             self, 'rectified', False, 'the images are rectified: camera_info matrix P holds, not K'))
         self._queue_size = int(declare_simple(
             self, 'queue_size', 2, 'images that may wait for this stage; more are dropped, oldest first', 1, 1000))
-        self._join = ExactJoin(('image', *(topic.name for topic in self.inputs)), 2 * self._queue_size + 8)
+        reorder_s = float(declare_simple(
+            self, 'reorder_s', REORDER_S, 'an image that is late by less is left out, by more starts anew', 0.0, 10.0))
+        self._restamps = declare_simple(
+            self, 'stamp_missing', 'refuse', 'images without a stamp: leave them out, or use the time of arrival',
+            choices=('refuse', 'arrival')) == 'arrival' and not self.inputs
+        self._join = ExactJoin(('image', *(topic.name for topic in self.inputs)), 2 * self._queue_size + 8, reorder_s)
+        self._image_topic = COMPRESSED if self._compressed else IMAGE
+        self._stream = ImageStream(self._compressed)
+        self._calibration = Calibration(self._rectified)
+        self.latest: tuple[tuple[str, str], ...] = ()
         self._decimation = FrameDecimation(self.config.load.decimation_keep, self.config.load.decimation_of)
         self._worker: Worker[tuple[Any, ...]] | None = None
         self._gyro: GyroInput | None = None
         self._decoder = ImageDecoder()
         self._busy = threading.Lock()
         self._join_drops = 0
-        self._camera: CameraModel | None = None
         self._camera_in_use: CameraModel | None = None
 
     def make_stage(self) -> None:
         """Make publishers and the stage. Overridden."""
 
-    def work(self, header: Header, image: npt.NDArray[np.uint8], *values: Any) -> None:
-        """Process one image and what the ``inputs`` hold of it, and publish with its header. Overridden."""
+    def work(self, header: Header, image: npt.NDArray[np.uint8], *values: Any) -> str:
+        """Process one image and what the ``inputs`` hold of it, and publish with its header. Overridden.
+
+        Returns why the image could not be used for what the stage is there for, empty where it could.
+        """
         raise NotImplementedError
 
-    def use_camera(self, camera: CameraModel) -> None:
-        """The calibration has come. Overridden where a stage uses it."""
+    def use_camera(self, camera: CameraModel | None) -> None:
+        """Another calibration is that of the images, or none any more. Overridden where a stage uses it."""
 
     def gyro_sink(self) -> Sink | None:
         """Where angular rates go, for a stage that uses them. Overridden."""
@@ -92,15 +107,18 @@ class StageNode(ManagedNode):
         """Subscribe."""
         self._decimation.reset()
         self._decoder = ImageDecoder()
+        self._stream = ImageStream(self._compressed)
+        self.stats.expect_nothing()
         # A stage that joins what another made of each image needs neighbours; the first one may jump.
         self._worker = Worker(self._guarded, self._queue_size, self.stats.count_dropped, jumps=not self.inputs)
         quality = image_qos(self._reliability, SUBSCRIPTION_DEPTH)
-        self._subscribe_input(COMPRESSED if self._compressed else IMAGE, 'image', quality)
+        self._subscribe_input(self._image_topic, 'image', quality)
         for topic in self.inputs:
             self._subscribe_input(topic, topic.name, image_qos('reliable', SUBSCRIPTION_DEPTH))
         sink = self.gyro_sink() if self.config.imu.use else None
         self._gyro = GyroInput(self, sink, self.config.imu.time_offset_s) if sink else None
-        self.subscribe(CAMERA_INFO.kind, CAMERA_INFO.name, self._on_camera, image_qos(self._reliability))
+        if self.uses_camera:
+            self.subscribe(CAMERA_INFO.kind, CAMERA_INFO.name, self._on_camera, image_qos(self._reliability))
 
     def end(self) -> None:
         """Stop the thread."""
@@ -110,11 +128,23 @@ class StageNode(ManagedNode):
         self._join.clear()
 
     def condition(self) -> Condition:
-        """Lags while images pile up in the mailbox; gets nothing on imu though it is to use it."""
+        """Images pile up, are lost on the way, or are stamped wrongly; nothing is received on imu though it is used."""
         waiting = self._worker.waiting if self._worker else 0
-        lag = f'lags, {waiting} images wait' if waiting > WAITING_IMAGES else ''
-        no_imu = 'nothing received on imu yet' if self._gyro and not self._gyro.received else ''
-        return Condition(concern=lag or no_imu)
+        absent = self._join.absent()
+        return Condition(
+            concern=', '.join(filter(None, (
+                f'lags, {waiting} images wait' if waiting > WAITING_IMAGES else '',
+                self._stream.trouble(time.monotonic_ns()),
+                '' if self._decimation.active and self.inputs else self._stream.loss(),
+                'nothing received on imu yet' if self._gyro and not self._gyro.received else ''))),
+            waits=f'nothing of the same stamp from {", ".join(absent)}' if absent else '')
+
+    def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
+        """What the stage says of the latest image, how images arrive, and whether the calibration is used."""
+        stamps = ((f'stamps_{verdict.name.lower()}', str(self._join.count('image', verdict)))
+                  for verdict in Verdict if verdict != Verdict.NEXT)
+        calibration = (('calibration', self._calibration.state),) if self.uses_camera else ()
+        return (*self.latest, *self._stream.values(), *stamps, *calibration)
 
     def locked(self, action: Callable[[], None]) -> None:
         """Run something between two frames."""
@@ -126,26 +156,45 @@ class StageNode(ManagedNode):
                        qos_overriding_options=overridable())
 
     def _on_input(self, name: str, msg: Any) -> None:
-        if name == 'image':
-            self.stats.count_received(time.monotonic_ns())
-            self._check_transport(msg)
-            if not self.inputs and not self._decimation.keep_next():
-                return
+        stamped = not self._stamp(msg)
         messages = self._join.add(name, stamp_ns(msg.header), msg)
+        if name == 'image':
+            self._note_image(msg, stamped)
         if not self._decimation.active:  # else an image that no stage before answers was left out, not lost
             self.stats.count_dropped(self._join.dropped - self._join_drops)
         self._join_drops = self._join.dropped
-        if messages and self._worker:
+        if messages and self._worker and (self.inputs or self._decimation.keep_next()):
+            if self._decimation.active:
+                self.stats.expect_use(time.monotonic_ns())
             self._worker.submit(messages)
+
+    def _stamp(self, msg: Any) -> bool:
+        """Give an image without a stamp its time of arrival, where the user wants that; whether it got one."""
+        if not self._restamps or stamp_ns(msg.header):
+            return False
+        msg.header.stamp = self.get_clock().now().to_msg()
+        return True
+
+    def _note_image(self, msg: Any, stamped: bool) -> None:
+        now_ns, verdict = time.monotonic_ns(), self._join.verdict
+        self.stats.count_received(now_ns)
+        self._check_transport(msg)
+        self._stream.add(verdict, stamp_ns(msg.header), now_ns, stamped=stamped)
+        if not self._decimation.active or not verdict.usable:
+            self.stats.expect_use(now_ns)
+        if not verdict.usable:
+            self.stats.count_dropped()
+            self.stats.count_unused(f'stamps {verdict.value}')
 
     def _guarded(self, messages: tuple[Any, ...]) -> None:
         start = time.perf_counter()
         try:
             with self._busy:
-                self._update_camera()
+                values = self._values(messages)
+                self._update_camera(*values[0].shape[1::-1])
                 if self._gyro:
                     self._gyro.feed(stamp_ns(messages[0].header))
-                self.work(messages[0].header, *self._values(messages))
+                unused = self.work(messages[0].header, *values)
         except MotionDetectError as error:
             self.bad_input(error)
             return
@@ -157,26 +206,49 @@ class StageNode(ManagedNode):
         latency_ms = 1e3 * (time.perf_counter() - start)
         age_ms = (self.now_ns() - stamp_ns(messages[0].header)) / 1e6
         self.stats.count_processed(time.monotonic_ns(), latency_ms, age_ms)
+        if unused:
+            self.stats.count_unused(unused)
+        else:
+            self.stats.count_used()
 
     def _values(self, messages: tuple[Any, ...]) -> list[Any]:
         image, *others = messages
-        return [image_from_msg(image, self._decoder),
-                *(topic.from_msg(message) for topic, message in zip(self.inputs, others, strict=True))]
+        return [self._read(self._image_topic, lambda msg: image_from_msg(msg, self._decoder), image),
+                *(self._read(topic, topic.from_msg, message)
+                  for topic, message in zip(self.inputs, others, strict=True))]
+
+    def _read(self, topic: Topic, convert: Callable[[Any], Any], msg: Any) -> Any:
+        """Raises: MessageError that names the topic."""
+        try:
+            return convert(msg)
+        except MessageError as error:
+            raise MessageError(f'{self.resolve_topic_name(topic.name)}: {error}') from None
 
     def _on_camera(self, msg: Any) -> None:
         # Only noted here: the stage takes it before the next image, the executor must not wait for the stage.
-        self._camera = camera_of(msg, self._rectified) or self._camera
+        self._calibration.note(msg)
         if any(msg.d) and not self._rectified:
             self.get_logger().warning('camera_info: distortion is ignored, bearings are off towards the edges; '
                                       'rectify the images and set rectified:=true', once=True)
 
-    def _update_camera(self) -> None:
-        if self._camera is not None and self._camera != self._camera_in_use:
-            self._camera_in_use = self._camera
-            self.use_camera(self._camera)
+    def _update_camera(self, width: int, height: int) -> None:
+        camera = self._calibration.for_image(width, height)
+        if camera != self._camera_in_use:
+            self._camera_in_use = camera
+            self.use_camera(camera)
+        complaint = self._calibration.complaint()
+        if complaint and self.uses_camera:
+            self.get_logger().warning(complaint)
 
     def _check_transport(self, msg: Any) -> None:
         if len(msg.data) > BIG_IMAGE_BYTES and not transport.profile_set():
             self.get_logger().warning(
                 f'images of {len(msg.data)} bytes without a Fast DDS profile: some may be lost; '
                 f'set {transport.PROFILE_VARIABLE} (README, Transport)', once=True)
+
+
+def unused_for(ego: EgoMotion, has_reference: bool = True) -> str:
+    """Why an image cannot be searched for moving objects; empty where it can."""
+    if not ego.ok:
+        return f'ego-motion is {ego.status.name}'
+    return '' if has_reference else 'there is no earlier image to compare with'

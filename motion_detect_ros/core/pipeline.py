@@ -104,8 +104,8 @@ class MotionPipeline:
         """
         self._preprocessor.limit_width(share)
 
-    def use_camera(self, camera: CameraModel) -> None:
-        """Calibration from now on."""
+    def use_camera(self, camera: CameraModel | None) -> None:
+        """Calibration from now on, None = unknown."""
         self._ego_motion.camera = camera
         self._clustering.camera = camera
 

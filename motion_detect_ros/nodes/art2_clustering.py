@@ -8,7 +8,7 @@ from typing import Any
 
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.runner import main_of
-from motion_detect_ros.bridge.stage_node import StageNode
+from motion_detect_ros.bridge.stage_node import StageNode, unused_for
 from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, DetectionPublisher
 from motion_detect_ros.core.clustering_stage import ClusteringStage
 from motion_detect_ros.core.geometry.frame_history import FrameHistory
@@ -23,7 +23,6 @@ class Art2ClusteringNode(StageNode):
 
     def __init__(self) -> None:
         super().__init__('art2_clustering')
-        self._latest: tuple[tuple[str, str], ...] = ()
 
     @cached_property
     def _stage(self) -> ClusteringStage:
@@ -37,15 +36,16 @@ class Art2ClusteringNode(StageNode):
         self._stage.reset()
         self._publisher = DetectionPublisher(self)
 
-    def work(self, header: Any, image: ByteArray, flow: FlowField, ego: EgoMotion) -> None:
+    def work(self, header: Any, image: ByteArray, flow: FlowField, ego: EgoMotion) -> str:
         """One image: detect and publish."""
         frame = self._preprocessor.process(image, stamp_ns(header))
         reference = self._history.step(frame, ego)
         records = self._stage.process(frame, ego, reference, replace(flow, width=frame.width, height=frame.height))
         self._publisher.publish(records, header)
-        self._latest = (('objects', str(len(records))), ('clusters', str(self._stage.neurons)))
+        self.latest = (('objects', str(len(records))), ('clusters', str(self._stage.neurons)))
+        return unused_for(ego, reference is not None)
 
-    def use_camera(self, camera: CameraModel) -> None:
+    def use_camera(self, camera: CameraModel | None) -> None:
         """Hand the calibration on."""
         self._stage.camera = camera
 
@@ -56,10 +56,6 @@ class Art2ClusteringNode(StageNode):
     def _forget(self) -> None:
         for part in (self._preprocessor, self._history, self._stage):
             part.reset()
-
-    def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
-        """Objects and clusters (ART2 neurons) of the latest frame."""
-        return self._latest
 
 
 main = main_of(Art2ClusteringNode)

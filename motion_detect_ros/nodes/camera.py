@@ -7,13 +7,14 @@ import time
 from motion_detect_ros.bridge.diagnostics import SILENT_S, Condition, silent
 from motion_detect_ros.bridge.images import camera_to_msg, header_of
 from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S
-from motion_detect_ros.bridge.params import declare_simple
+from motion_detect_ros.bridge.params import declare_address, declare_simple
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.source_node import SourceNode
 from motion_detect_ros.bridge.topics import CAMERA_INFO, COMPRESSED, IMAGE, TopicPublisher
 from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.sources.capture import Capture
 from motion_detect_ros.sources.frames import SourceFrame
+from motion_detect_ros.sources.secrets import masked, with_secret
 
 #: Longest wait for a picture before looking whether to stop, seconds.
 READ_TIMEOUT_S = 0.2
@@ -27,8 +28,9 @@ class CameraNode(SourceNode):
 
     def __init__(self) -> None:
         super().__init__('camera')
-        self._source = str(declare_simple(
-            self, 'source', '0', 'camera number, file, folder, bag, or rtsp:// http:// address'))
+        address = declare_address(self, 'source', '0', 'camera number, file, folder, bag, or rtsp:// http:// address')
+        secret_file = str(declare_simple(self, 'source_secret_file', '', 'file with user:password, or the address'))
+        self._source = with_secret(address, secret_file)
         self._fps = float(declare_simple(self, 'fps', 0.0, 'rate of a source without stamps, 0 = its own', 0.0, 1000.0))
         self._frame_id = str(declare_simple(self, 'frame_id', 'camera_optical_frame', 'frame of the optical axis'))
         self._keep = int(declare_simple(self, 'decimation_keep', 1, 'use the first so many ...', 1, 1000))
@@ -67,7 +69,8 @@ class CameraNode(SourceNode):
         finally:
             capture.close()
             if capture.blocked and self.context.ok():
-                self.get_logger().warning(f'{self._source}: the driver does not answer and keeps the device until then')
+                self.get_logger().warning(
+                    f'{masked(self._source)}: the driver does not answer and keeps the device until then')
 
     def condition(self) -> Condition:
         """A camera that gives no pictures has failed; one whose pictures are dropped is too fast for us."""

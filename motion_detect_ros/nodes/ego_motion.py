@@ -7,7 +7,7 @@ from typing import Any
 from motion_detect_ros.bridge.gyro import Sink
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.runner import main_of
-from motion_detect_ros.bridge.stage_node import StageNode
+from motion_detect_ros.bridge.stage_node import StageNode, unused_for
 from motion_detect_ros.bridge.topics import EGO_MOTION, TopicPublisher
 from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
@@ -19,7 +19,6 @@ class EgoMotionNode(StageNode):
 
     def __init__(self) -> None:
         super().__init__('ego_motion')
-        self._latest: tuple[tuple[str, str], ...] = ()
 
     def make_stage(self) -> None:
         """Stage and publisher."""
@@ -27,14 +26,15 @@ class EgoMotionNode(StageNode):
         self._stage = EgoMotionStage(self.config)
         self._publisher = TopicPublisher(self, EGO_MOTION)
 
-    def work(self, header: Any, image: ByteArray) -> None:
+    def work(self, header: Any, image: ByteArray) -> str:
         """One image: estimate and publish."""
         frame = self._preprocessor.process(image, stamp_ns(header))
         ego = self._stage.process(frame)
         self._publisher.publish(ego, header)
-        self._latest = (('status', ego.status.name), ('inliers', str(ego.inliers)), ('tracks', str(ego.tracks)))
+        self.latest = (('status', ego.status.name), ('inliers', str(ego.inliers)), ('tracks', str(ego.tracks)))
+        return unused_for(ego)
 
-    def use_camera(self, camera: CameraModel) -> None:
+    def use_camera(self, camera: CameraModel | None) -> None:
         """Hand the calibration on."""
         self._stage.camera = camera
 
@@ -46,10 +46,6 @@ class EgoMotionNode(StageNode):
         """Forget the previous frame."""
         self.locked(self._preprocessor.reset)
         self.locked(self._stage.reset)
-
-    def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
-        """Quality of the latest estimate."""
-        return self._latest
 
 
 main = main_of(EgoMotionNode)

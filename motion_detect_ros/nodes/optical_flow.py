@@ -6,7 +6,7 @@ from typing import Any
 
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.runner import main_of
-from motion_detect_ros.bridge.stage_node import StageNode
+from motion_detect_ros.bridge.stage_node import StageNode, unused_for
 from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, TopicPublisher
 from motion_detect_ros.core.geometry.frame_history import FrameHistory
 from motion_detect_ros.core.optical_flow.stage import OpticalFlowStage
@@ -18,6 +18,7 @@ class OpticalFlowNode(StageNode):
     """Publishes the dense flow of each image, on the stabilised pair."""
 
     inputs = (EGO_MOTION,)
+    uses_camera = False
 
     def __init__(self) -> None:
         super().__init__('optical_flow')
@@ -29,10 +30,12 @@ class OpticalFlowNode(StageNode):
         self._stage = OpticalFlowStage(self.config)
         self._publisher = TopicPublisher(self, FLOW)
 
-    def work(self, header: Any, image: ByteArray, ego: EgoMotion) -> None:
+    def work(self, header: Any, image: ByteArray, ego: EgoMotion) -> str:
         """One image: flow and publish."""
         frame = self._preprocessor.process(image, stamp_ns(header))
-        self._publisher.publish(self._stage.process(frame, ego, self._history.step(frame, ego)), header)
+        reference = self._history.step(frame, ego)
+        self._publisher.publish(self._stage.process(frame, ego, reference), header)
+        return unused_for(ego, reference is not None)
 
     def reset(self) -> None:
         """Forget earlier frames."""

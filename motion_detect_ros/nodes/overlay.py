@@ -27,6 +27,7 @@ from motion_detect_ros.bridge.topics import (
     TopicPublisher,
 )
 from motion_detect_ros.core.drawing import draw_detections, flow_to_color
+from motion_detect_ros.core.stamp_order import REORDER_S
 from motion_detect_ros.sources.encoding import ImageDecoder
 
 #: How often its subscribers are counted, seconds; images that may wait for their detections.
@@ -45,7 +46,7 @@ class OverlayNode(ManagedNode):
         compressed = bool(declare_simple(
             self, 'compressed', False, 'subscribe to image_raw/compressed instead of image_raw'))
         self._image = COMPRESSED if compressed else IMAGE
-        self._join = ExactJoin(('image', 'detections'), WAITING)
+        self._join = ExactJoin(('image', 'detections'), WAITING, REORDER_S)
         self._decoder = ImageDecoder()
         self._markers = MarkerWriter()
         self._drops = 0
@@ -118,6 +119,7 @@ class OverlayNode(ManagedNode):
     def _join_with(self, name: str, msg: Any) -> None:
         messages = self._join.add(name, stamp_ns(msg.header), msg)
         self.stats.count_dropped(self._join.dropped - self._drops)
+        self.stats.count_dropped(name == 'image' and not self._join.verdict.usable)
         self._drops = self._join.dropped
         if messages:
             self._show(lambda: self._draw(*messages), messages[0])

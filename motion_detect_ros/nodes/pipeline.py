@@ -8,7 +8,7 @@ from typing import Any
 from motion_detect_ros.bridge.gyro import Sink
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.runner import main_of
-from motion_detect_ros.bridge.stage_node import StageNode
+from motion_detect_ros.bridge.stage_node import StageNode, unused_for
 from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, DetectionPublisher, TopicPublisher
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.types import ByteArray, CameraModel
@@ -19,7 +19,6 @@ class PipelineNode(StageNode):
 
     def __init__(self) -> None:
         super().__init__('pipeline')
-        self._latest: tuple[tuple[str, str], ...] = ()
 
     @cached_property
     def _pipeline(self) -> MotionPipeline:
@@ -33,7 +32,7 @@ class PipelineNode(StageNode):
         self._flow_publisher = TopicPublisher(self, FLOW)
         self._publisher = DetectionPublisher(self)
 
-    def work(self, header: Any, image: ByteArray) -> None:
+    def work(self, header: Any, image: ByteArray) -> str:
         """One image: process and publish, detections first."""
         result = self._pipeline.process(image, stamp_ns(header))
         self._publisher.publish(result.detections, header)
@@ -41,12 +40,13 @@ class PipelineNode(StageNode):
         if self._flow_publisher.subscribers:
             self._flow_publisher.publish(result.flow, header)
         times = tuple((f'{name}_ms', f'{value:.2f}') for name, value in vars(result.times_ms).items())
-        self._latest = (
+        self.latest = (
             ('status', result.ego.status.name), ('inliers', str(result.ego.inliers)),
             ('tracks', str(result.ego.tracks)), ('objects', str(len(result.detections))),
             ('clusters', str(self._pipeline.neurons)), *times, ('total_ms', f'{result.times_ms.total:.2f}'))
+        return unused_for(result.ego)
 
-    def use_camera(self, camera: CameraModel) -> None:
+    def use_camera(self, camera: CameraModel | None) -> None:
         """Hand the calibration on."""
         self._pipeline.use_camera(camera)
 
@@ -57,10 +57,6 @@ class PipelineNode(StageNode):
     def reset(self) -> None:
         """Forget all history."""
         self.locked(self._pipeline.reset)
-
-    def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
-        """Quality of the estimate, objects, clusters and stage times of the latest frame."""
-        return self._latest
 
 
 main = main_of(PipelineNode)

@@ -22,6 +22,7 @@ from motion_detect_ros.core.types import NANOSECONDS, CameraModel
 from motion_detect_ros.sources.frames import FrameSource, SourceFrame
 from motion_detect_ros.sources.live import TIMEOUT_MS, LiveFrames, is_address
 from motion_detect_ros.sources.opening import open_source
+from motion_detect_ros.sources.secrets import masked
 
 #: Pictures looked at for ``behind``, and the share of them that may be dropped before it is reported.
 _BEHIND_WINDOW = 30
@@ -64,6 +65,8 @@ class Capture:
         self, source: str, fps: float | None = None, decimation_keep: int = 1,
         decimation_of: int = 1, queue_size: int = 2, realtime: bool = True,
     ) -> None:
+        if not source.strip():
+            raise SourceError('source: expected a camera number, a path or an address, got nothing')
         if queue_size < 1 or not 1 <= decimation_keep <= decimation_of:
             raise SourceError(
                 'capture: expected queue_size >= 1 and 1 <= decimation_keep <= decimation_of, got '
@@ -163,7 +166,7 @@ class Capture:
         except SourceError as problem:
             error = problem
         except Exception as problem:  # must not look like the end of the stream
-            error = SourceError(f'source: {type(problem).__name__}: {problem}')
+            error = SourceError(masked(f'source: {type(problem).__name__}: {problem}'))
         finally:
             with self._changed:
                 self._error, self._ended = error, True

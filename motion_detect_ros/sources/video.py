@@ -12,6 +12,7 @@ import numpy as np
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import NANOSECONDS
 from motion_detect_ros.sources.frames import SourceFrame
+from motion_detect_ros.sources.secrets import masked
 
 #: FFmpeg guesses by content too and would take a text file for terminal art; only these names are tried.
 VIDEO_SUFFIXES = frozenset({
@@ -48,7 +49,7 @@ def open_capture(address: str | int, timeout_ms: int | None = None) -> cv2.Video
     if not capture.isOpened():
         capture.release()
         kind = 'camera' if isinstance(address, int) else 'video'
-        raise SourceError(f'{address}: cannot be opened as a {kind}')
+        raise SourceError(f'{masked(str(address))}: cannot be opened as a {kind}')
     return capture
 
 

@@ -168,9 +168,60 @@ def test_an_error_warns_for_a_while_and_not_for_ever():
     stats.count_error('image step: expected at least 6', 1 * SECOND)
     for index in range(300):
         stats.count_received(index * SECOND // 10)
-    soon, later = status(stats, 5.0), status(stats, 30.0)
+    soon, later = status(stats, 3.9), status(stats, 4.1)
     assert (soon.level, soon.message) == (DiagnosticStatus.WARN, '1 errors, last: image step: expected at least 6')
     assert later.level == DiagnosticStatus.OK
+
+
+def test_images_that_come_in_vain_are_a_warning_then_an_error_then_forgotten():
+    stats = flowing(1.0)
+
+    def comes(now_s: float, reason: str) -> DiagnosticStatus:
+        stats.count_received(round(now_s * SECOND))
+        stats.expect_use(round(now_s * SECOND))
+        if reason:
+            stats.count_unused(reason)
+        else:
+            stats.count_used()
+        return status(stats, now_s)
+
+    found = [comes(1.0 + index / 10, 'ego-motion is LOW_TEXTURE') for index in range(60)]
+    assert found[19].level == DiagnosticStatus.OK
+    assert [(each.level, each.message) for each in (found[26], found[56])] == [
+        (DiagnosticStatus.WARN, 'no image could be used for 3 s: ego-motion is LOW_TEXTURE'),
+        (DiagnosticStatus.ERROR, 'no image could be used for 6 s: ego-motion is LOW_TEXTURE')]
+    assert comes(7.0, '').level == DiagnosticStatus.OK
+    assert comes(7.1, 'stamps late').level == DiagnosticStatus.OK
+
+
+def test_images_that_wait_for_another_topic_in_vain_name_it():
+    stats = flowing(1.0)
+    for index in range(11, 45):
+        stats.count_received(index * SECOND // 10)
+        stats.expect_use(index * SECOND // 10)
+    found = status(stats, 4.4, condition=Condition(waits='nothing of the same stamp from flow'))
+    assert (found.level, found.message) == (
+        DiagnosticStatus.WARN, 'no image could be used for 3 s: nothing of the same stamp from flow')
+
+
+def test_images_that_come_again_after_a_silence_begin_anew():
+    stats = flowing(1.0)
+    stats.expect_use(SECOND)
+    for time_s in (60.0, 60.1):
+        stats.count_received(round(time_s * SECOND))
+        stats.expect_use(round(time_s * SECOND))
+    assert stats.summary(round(60.1 * SECOND)).unused_s == pytest.approx(0.1)
+
+
+def test_only_a_higher_level_is_worth_a_report_out_of_turn():
+    stats = flowing(1.0)
+    reporter = Reporter('/front/flow', 'flow', stats)
+    assert not reporter.worse(SECOND, Condition())
+    assert reporter.worse(SECOND, Condition(concern='lags'))
+    assert status(stats, 1.0, reporter=reporter, condition=Condition(concern='lags')).level == DiagnosticStatus.WARN
+    assert not reporter.worse(SECOND, Condition(concern='lags'))
+    assert not reporter.worse(SECOND, Condition())
+    assert reporter.worse(SECOND, Condition(fault='gone'))
 
 
 def test_without_frames_latency_is_unknown():

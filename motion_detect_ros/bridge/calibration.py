@@ -1,0 +1,55 @@
+"""The ``camera_info`` topic: which calibration belongs to the images, and why none does."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from motion_detect_ros.core.types import CameraModel
+from motion_detect_ros.sources.camera_info import camera_of
+
+#: Sizes that a driver rounds otherwise when it bins pixels, pixels.
+SIZE_TOLERANCE_PX = 1
+NONE, USED = 'none', 'used'
+#: Images that are waited for a first camera_info before its absence is worth a warning.
+PATIENCE = 20
+
+
+class Calibration:
+    """The latest camera_info. The executor notes it; the stage asks for it before an image."""
+
+    def __init__(self, rectified: bool) -> None:
+        """rectified: as for ``camera_of``."""
+        self._rectified = rectified
+        self._camera: CameraModel | None = None
+        self.state = self._told = NONE
+        self._images = 0
+
+    def note(self, info: Any) -> None:
+        """A message has come; one without a calibration takes the place of the earlier one too."""
+        self._camera = camera_of(info, self._rectified)
+        if self._camera is None:
+            self.state = 'refused (camera_info holds no calibration: expected focal lengths of 1 px or more)'
+
+    def for_image(self, width: int, height: int) -> CameraModel | None:
+        """The calibration of images of this size, pixels; None where there is none, ``state`` says why.
+
+        A camera_info of another size belongs to other images. One without a size is taken to be of this one.
+        """
+        self._images += 1
+        camera = self._camera
+        if camera is None:
+            return None
+        sizes = (camera.width, camera.height)
+        if any(sizes) and max(abs(sizes[0] - width), abs(sizes[1] - height)) > SIZE_TOLERANCE_PX:
+            self.state = (f'refused (camera_info is of {camera.width}x{camera.height} px, '
+                          f'the images of {width}x{height})')
+            return None
+        self.state = USED
+        return camera
+
+    def complaint(self) -> str:
+        """Why bearings are unknown, in a sentence, once for each reason; empty where there is nothing new to say."""
+        told, self._told = self._told, self.state
+        if self.state == NONE:
+            return 'no camera_info: bearings are NaN' if self._images == PATIENCE else ''
+        return '' if self.state in {USED, told} else f'camera_info {self.state}: bearings are NaN'

@@ -1,0 +1,51 @@
+"""Credentials in addresses: kept out of everything that is shown, put in from where nobody else reads them."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from urllib.parse import quote
+
+from motion_detect_ros.core.errors import SourceError
+
+#: ``user:password`` of the address, or the whole address.
+SECRET_VARIABLE = 'MOTION_DETECT_SOURCE_SECRET'
+MASK = '***'
+#: All up to the last @ of an address, as passwords hold @ and / too; one slash, as in what pathlib makes of an address.
+_USER_INFO = re.compile(r'(\b[A-Za-z][\w+.-]*:/{1,3})\S*@')
+_QUERY = re.compile(r'([?&;][\w-]*(?:pass|pwd|secret|token|key|auth)[\w-]*=)[^&;\s]+', re.IGNORECASE)
+
+
+def masked(text: str) -> str:
+    """The text with user, password and the like of every address in it replaced by stars."""
+    return _QUERY.sub(rf'\g<1>{MASK}', _USER_INFO.sub(rf'\g<1>{MASK}@', text))
+
+
+def with_secret(address: str, secret_file: str) -> str:
+    """The address with the credentials of ``secret_file``, or of the environment where that is empty.
+
+    They are one line, ``user:password`` as they are (not percent-encoded), or a whole address, which replaces this one.
+    Raises: SourceError for a file that cannot be read or holds no line, and for credentials of what is no address.
+    """
+    secret = _secret(secret_file)
+    if not secret or '://' in secret:
+        return secret or address
+    scheme, separator, rest = address.partition('://')
+    if not separator:
+        raise SourceError(f'source: expected an address (rtsp://...) for the credentials, got {masked(address)}')
+    user, _, password = secret.partition(':')
+    return f'{scheme}://{quote(user, safe="")}:{quote(password, safe="")}@{rest.rpartition("@")[2]}'
+
+
+def _secret(secret_file: str) -> str:
+    if not secret_file:
+        return os.environ.get(SECRET_VARIABLE, '').strip()
+    try:
+        secret = Path(secret_file).read_text(encoding='utf-8').strip()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else 'no text'
+        raise SourceError(f'source_secret_file {secret_file}: {reason}') from None
+    if not secret or len(secret.splitlines()) > 1:
+        raise SourceError(f'source_secret_file {secret_file}: expected one line, user:password or an address')
+    return secret

@@ -1,0 +1,120 @@
+"""Images whose stamps are repeated, out of order, missing or before 1970, through real nodes."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from peers import PATIENT, picture, ready, small
+from sensor_msgs.msg import Image, PointCloud2
+
+from motion_detect_ros.bridge.images import header_of, image_to_msg, stamp_ns
+from motion_detect_ros.bridge.records import ego_from_msg, read_detections
+from motion_detect_ros.core.types import EgoStatus
+
+PERIOD_NS = 100_000_000
+FRAMES = 30
+GRAPHS = {'pipeline': ('pipeline',), 'nodes': ('ego_motion', 'optical_flow', 'art2_clustering')}
+#: Order in which the images of one flight arrive, by their place in it.
+ARRIVALS = {
+    'every image twice': [index for index in range(FRAMES) for _ in range(2)],
+    'one swap in ten': [index + {8: 1, 9: -1}.get(index % 10, 0) for index in range(FRAMES)],
+    'shuffled by three': [first + offset for first in range(0, FRAMES, 3) for offset in (1, 2, 0)],
+}
+NEW_FLIGHT_NS = 60_000_000_000
+
+
+def image(index: int, stamp: int) -> Image:
+    return image_to_msg(picture(index), header_of(stamp, 'front'))
+
+
+def running_maxima(numbers: list[int]) -> list[int]:
+    return [number for number, before in zip(numbers, [-1, *itertools.accumulate(numbers, max)], strict=False)
+            if number > before]
+
+
+def values(reports: list[DiagnosticArray], node: str) -> dict[str, str]:
+    found = [message.status[0] for message in reports if message.status[0].name == f'/{node}']
+    return {pair.key: pair.value for pair in found[-1].values} if found else {}
+
+
+@pytest.mark.parametrize('graph', GRAPHS)
+def test_images_seen_already_or_late_are_left_out_and_nothing_else_is_lost(graph, peer, start):
+    for node in GRAPHS[graph]:
+        start(node, *small(*PATIENT))
+    answers, egos = peer.subscribe(PointCloud2, 'detections'), peer.subscribe(PointCloud2, 'ego_motion')
+    reports = peer.subscribe(DiagnosticArray, '/diagnostics')
+    publisher = peer.advertise(Image, 'image_raw')
+    assert ready(peer, 'image_raw', len(GRAPHS[graph]))
+    sent = left_out = 0
+    for number, (name, arrivals) in enumerate(ARRIVALS.items(), start=1):
+        answers.clear()
+        egos.clear()
+        stamps = [number * NEW_FLIGHT_NS + index * PERIOD_NS for index in arrivals]
+        expected = running_maxima(stamps)
+        for index, stamp in zip(arrivals, stamps, strict=True):
+            publisher.publish(image(index, stamp))
+        assert peer.until(lambda expected=expected: len(answers) >= len(expected) <= len(egos)), name
+        assert [stamp_ns(message.header) for message in answers] == expected, name
+        statuses = [ego_from_msg(message).status for message in egos]
+        assert set(statuses[1:]) == {EgoStatus.OK}, name
+        assert any(len(read_detections(message)) for message in answers), name
+        sent, left_out = sent + len(stamps), left_out + len(stamps) - len(expected)
+    for node in GRAPHS[graph]:
+        assert peer.until(lambda node=node: int(values(reports, node).get('processed', 0)) == sent - left_out), node
+        found = values(reports, node)
+        assert int(found['stamps_seen']) == FRAMES
+        assert int(found['stamps_seen']) + int(found['stamps_late']) == left_out == int(found['dropped']), found
+        assert (found['stamps_jump'], int(found['received'])) == ('0', sent)
+
+
+def test_a_camera_that_does_not_stamp_is_named_and_its_images_are_left_out(peer, start):
+    start('pipeline', *small())
+    reports, answers = peer.subscribe(DiagnosticArray, '/diagnostics'), peer.subscribe(PointCloud2, 'detections')
+    publisher = peer.advertise(Image, 'image_raw')
+    assert ready(peer, 'image_raw')
+    levels = (DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
+
+    def named() -> bool:
+        publisher.publish(image(0, 0))
+        found = [message.status[0] for message in reports]
+        return ({status.level for status in found if 'carry no stamp' in status.message} >= set(levels[:1])
+                and any(status.level == levels[1] and 'stamps missing' in status.message for status in found))
+
+    assert peer.until(named)
+    assert len(answers) == 1
+
+
+def test_images_without_stamps_are_used_with_their_time_of_arrival_where_that_is_asked_for(peer, start):
+    start('pipeline', *small('stamp_missing:=arrival'))
+    reports, answers = peer.subscribe(DiagnosticArray, '/diagnostics'), peer.subscribe(PointCloud2, 'detections')
+    publisher = peer.advertise(Image, 'image_raw')
+    assert ready(peer, 'image_raw')
+    begin = peer.node.get_clock().now().nanoseconds
+    for index in range(FRAMES):
+        publisher.publish(image(index, 0))
+        assert peer.until(lambda index=index: len(answers) > index)
+        peer.rest(0.05)  # a camera's pace, as the time of arrival is the time of the picture
+    stamps = [stamp_ns(message.header) for message in answers]
+    assert stamps == sorted(set(stamps))
+    assert begin <= stamps[0] < stamps[-1] <= peer.node.get_clock().now().nanoseconds
+    assert any(len(read_detections(message)) for message in answers)
+    assert peer.until(lambda: any(
+        message.status[0].level == DiagnosticStatus.WARN and 'time of arrival is used' in message.status[0].message
+        for message in reports))
+
+
+@pytest.mark.parametrize('graph', GRAPHS)
+def test_a_negative_stamp_costs_its_image_only_in_every_node(graph, peer, start):
+    for node in GRAPHS[graph]:
+        start(node, *small(*PATIENT))
+    answers, egos = peer.subscribe(PointCloud2, 'detections'), peer.subscribe(PointCloud2, 'ego_motion')
+    publisher = peer.advertise(Image, 'image_raw')
+    assert ready(peer, 'image_raw', len(GRAPHS[graph]))
+    for index in range(8):
+        publisher.publish(image(index, -PERIOD_NS if index == 4 else (index + 1) * PERIOD_NS))
+    assert peer.until(lambda: len(answers) >= 7 <= len(egos))
+    assert [stamp_ns(message.header) for message in answers] == [
+        (index + 1) * PERIOD_NS for index in range(8) if index != 4]
+    assert [ego_from_msg(message).status for message in egos][1:] == [EgoStatus.OK] * 6

@@ -1,0 +1,55 @@
+"""Credentials of addresses: masked where they are shown, put in where they are used."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.sources.secrets import SECRET_VARIABLE, masked, with_secret
+
+
+@pytest.mark.parametrize(('shown', 'address'), [
+    ('rtsp://***@10.0.0.2:554/live', 'rtsp://admin:s3cret@10.0.0.2:554/live'),
+    ('rtsp://***@cam/live', 'rtsp://admin:p@ss/w:rd@cam/live'),
+    ('http://***@cam', 'http://token@cam'),
+    ('http://cam/mjpg?user=***&PassWord=***&fps=5', 'http://cam/mjpg?user=***&PassWord=s3cret&fps=5'),
+    ('https://cam/v?access_token=***', 'https://cam/v?access_token=s3cret'),
+    ('rtsp:/***@cam', 'rtsp:/admin:s3cret@cam'),
+    ('a rtsp://***@x/1 and http://***@y: gone', 'a rtsp://a:b@x/1 and http://c:d@y: gone'),
+    ('rtsp://cam:554/live', 'rtsp://cam:554/live'),
+    ('/home/me/a@b/clip.mp4', '/home/me/a@b/clip.mp4'),
+    ('0', '0'),
+])
+def test_what_is_shown_of_an_address(shown: str, address: str):
+    assert masked(address) == shown
+    assert masked(shown) == shown
+
+
+@pytest.mark.parametrize(('secret', 'address', 'expected'), [
+    ('me:p@ss/w', 'rtsp://cam/live', 'rtsp://me:p%40ss%2Fw@cam/live'),
+    ('me:new\n', 'rtsp://old:pw@cam/live', 'rtsp://me:new@cam/live'),
+    ('rtsp://me:pw@cam/live', '0', 'rtsp://me:pw@cam/live'),
+])
+def test_credentials_from_file_and_environment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, secret: str, address: str, expected: str,
+):
+    file = tmp_path / 'secret'
+    file.write_text(secret)
+    assert with_secret(address, str(file)) == expected
+    assert with_secret(address, '') == address
+    monkeypatch.setenv(SECRET_VARIABLE, secret)
+    assert with_secret(address, '') == expected
+
+
+def test_files_without_credentials_are_refused(tmp_path: Path):
+    for name, content in (('empty', b''), ('two', b'a\nb'), ('binary', b'\xff\xfe')):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(SourceError, match=f'source_secret_file .*{name}: '):
+            with_secret('rtsp://cam', str(tmp_path / name))
+    with pytest.raises(SourceError, match='No such file'):
+        with_secret('rtsp://cam', str(tmp_path / 'no'))
+    (tmp_path / 'good').write_text('a:b')
+    with pytest.raises(SourceError, match='expected an address'):
+        with_secret('/dev/video0', str(tmp_path / 'good'))
