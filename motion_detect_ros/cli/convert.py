@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from motion_detect_ros.cli.output_folders import refuse_existing
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import CameraModel, RecordArray
 from motion_detect_ros.sources import messages
@@ -17,6 +18,7 @@ from motion_detect_ros.sources.bags import BagWriter
 from motion_detect_ros.sources.frames import DEFAULT_FPS, FrameSource, SourceFrame
 from motion_detect_ros.sources.images import ImageSequence, image_folder
 from motion_detect_ros.sources.kitti import KittiDrive, OxtsSample
+from motion_detect_ros.sources.opening import check_rate
 from motion_detect_ros.sources.truth import read_truth, write_truth
 from motion_detect_ros.sources.video import VideoFile
 from motion_detect_ros.sources.visdrone import truth_of_sequence, visdrone_sequence
@@ -41,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         sub = kinds.add_parser(kind, help=f'{what} to MCAP')
         sub.add_argument('input', type=Path, help=what)
         sub.add_argument('-o', '--output', type=Path, required=True, help='MCAP file to write')
+        sub.add_argument('--force', action='store_true', help='overwrite an existing bag')
         if kind != 'video':
             sub.add_argument('--compressed', action='store_true',
                              help='keep the JPEG/PNG bytes, as CompressedImage on image_raw/compressed')
@@ -54,8 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Convert; the exit code is 3 where frames were unreadable. Raises: SourceError for an unusable input."""
     kind = arguments.kind
     fps = getattr(arguments, 'fps', None)
-    if fps is not None and not fps > 0:
-        raise SourceError(f'--fps: expected a number over 0, got {fps:g}')
+    check_rate('--fps', fps)
+    refuse_existing([arguments.output], arguments.force)
     source = _open(kind, arguments.input, fps)
     truth = read_truth(arguments.annotations) if getattr(arguments, 'annotations', None) else None
     if truth is not None and kind == 'visdrone' and isinstance(source, ImageSequence):

@@ -12,11 +12,13 @@ from typing import Self
 import numpy as np
 
 from motion_detect_ros.core.types import RecordArray, Result, StageTimes
-from motion_detect_ros.sources.bags import BagWriter
+from motion_detect_ros.sources.bags import PART_SUFFIX, BagWriter
 
 CSV_NAME, BAG_NAME, SUMMARY_NAME = 'detections.csv', 'detections.mcap', 'summary.json'
 CSV_HEADER = 'frame,stamp_ns,id,x,y,w,h,score,vel_u,vel_v,ttc'
-PART_SUFFIX = '.part'
+OUTPUT_NAMES = CSV_NAME, BAG_NAME, SUMMARY_NAME
+#: Small, so that a replay that is killed leaves what it did up to a few frames before.
+BAG_CHUNK_BYTES = 2048
 
 STAGES = ('preprocessing', 'ego_motion', 'optical_flow', 'clustering', 'total')
 
@@ -41,7 +43,8 @@ class Percentiles:
 class Summary:
     """One input's replay in numbers; the fields are those of summary.json.
 
-    ``frames``: processed; ``source_frames``: of the source, those left out and unreadable ones included.
+    ``frames``: processed; ``misstamped_frames``: left out, as their stamps were seen already or late;
+    ``source_frames``: of the source, those left out and unreadable ones included.
     """
 
     input: str
@@ -51,6 +54,7 @@ class Summary:
     announced_frames: int | None
     frames: int
     bad_frames: int
+    misstamped_frames: int
     source_frames: int
     detections: int
     objects: int
@@ -70,6 +74,7 @@ class Tally:
 
     frames: int = 0
     bad_frames: int = 0
+    misstamped_frames: int = 0
     source_frames: int = 0
     detections: int = 0
     ids: set[int] = field(default_factory=set)
@@ -103,7 +108,7 @@ class ReplayOutputs:
 
     def __init__(self, folder: Path) -> None:
         """Raises: SourceError where the folder cannot be written."""
-        self.bag = BagWriter(folder / BAG_NAME)
+        self.bag = BagWriter(folder / BAG_NAME, chunk_bytes=BAG_CHUNK_BYTES)
         self._folder = folder
         self._csv = (folder / (CSV_NAME + PART_SUFFIX)).open('w', encoding='ascii', newline='\n')
         self._csv.write(CSV_HEADER + '\n')

@@ -6,9 +6,9 @@ With one input the outputs are in OUT_DIR itself, with several in OUT_DIR/<name 
 from __future__ import annotations
 
 import argparse
+import math
 import multiprocessing
 import sys
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -23,12 +23,14 @@ from tqdm import tqdm
 
 import motion_detect_ros
 from motion_detect_ros.cli.ahead import Ahead
-from motion_detect_ros.cli.outputs import Percentiles, ReplayOutputs, Summary, Tally, write_summary
+from motion_detect_ros.cli.output_folders import folders_of, refuse_existing
+from motion_detect_ros.cli.outputs import OUTPUT_NAMES, Percentiles, ReplayOutputs, Summary, Tally, write_summary
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import BackendError, FrameError, MotionDetectError, SourceError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.pipeline import Measured, MotionPipeline, use_threads
 from motion_detect_ros.core.settings import settings
+from motion_detect_ros.core.stamp_order import StampOrder
 from motion_detect_ros.presets import load_preset
 from motion_detect_ros.sources.frames import DEFAULT_FPS, FrameSource, SourceFrame
 from motion_detect_ros.sources.inertial import GyroReplay, InertialSource
@@ -67,6 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--fps', type=float, help=f'frames/s of inputs without time stamps (default {DEFAULT_FPS:g})')
     parser.add_argument('--topic', help='image topic of a bag that has several')
     parser.add_argument('--workers', type=int, default=1, help='processes, for several inputs; they share the cores')
+    parser.add_argument('--force', action='store_true', help='overwrite what an earlier replay left in the folder')
     parser.add_argument('--live', action='store_true', help='play through the ROS nodes instead; bags only')
     parser.add_argument('--rate', type=float, default=1.0, help='with --live: speed against the recording')
 
@@ -77,6 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
     Raises: SourceError for options that contradict each other, and with ``--live`` for an input that is no bag;
     ConfigError for an unknown preset or a wrong value; BackendError where ``--live`` finds no ROS 2.
     """
+    if not math.isfinite(arguments.rate) or arguments.rate <= 0:
+        raise SourceError(f'--rate: expected a number over 0, got {arguments.rate:g}')
     if arguments.workers < 1:
         raise SourceError(f'--workers: expected 1 or more, got {arguments.workers}')
     if arguments.live:
@@ -116,17 +121,11 @@ def _run_live(arguments: argparse.Namespace) -> int:
 
 
 def make_jobs(arguments: argparse.Namespace, config: PipelineConfig) -> list[Job]:
-    """A job for each input; inputs of the same name get a number behind it."""
-    several = len(arguments.inputs) > 1
-    seen: Counter[str] = Counter()
-    jobs = []
-    for path in arguments.inputs:
-        name = Path(path).resolve().stem
-        seen[name] += 1
-        folder = arguments.output / (name if seen[name] == 1 else f'{name}-{seen[name]}')
-        jobs.append(Job(path, folder if several else arguments.output, config, arguments.fps, arguments.topic,
-                        progress=arguments.workers == 1))
-    return jobs
+    """A job for each input; inputs of the same name get a number behind it. Raises: SourceError for used folders."""
+    folders = folders_of(arguments.inputs, arguments.output)
+    refuse_existing((folder / name for folder in folders for name in OUTPUT_NAMES), arguments.force)
+    return [Job(path, folder, config, arguments.fps, arguments.topic, progress=arguments.workers == 1)
+            for path, folder in zip(arguments.inputs, folders, strict=True)]
 
 
 def run_job(job: Job) -> Outcome:
@@ -139,6 +138,8 @@ def run_job(job: Job) -> Outcome:
             f'{summary.stage_ms["total"].p50:.1f} ms a frame')
     if summary.bad_frames:
         line += f', {summary.bad_frames} bad frames left out'
+    if summary.misstamped_frames:
+        line += f', {summary.misstamped_frames} left out, their stamps were seen already or late'
     if summary.damaged:
         line += f'; {summary.damaged}'
     if not summary.frames:
@@ -163,7 +164,7 @@ def replay(job: Job) -> Summary:
         with ReplayOutputs(job.folder) as outputs:
             bar = tqdm(total=source.frame_count, unit='frame', desc=source.name, disable=None if job.progress else True)
             with bar, Ahead(_timed(source, tally)) as frames, Ahead(
-                    _measured(pipeline, frames, gyro, decimation)) as measured:
+                    _measured(pipeline, _in_order(frames, tally), gyro, decimation)) as measured:
                 for index, motion in measured:
                     bar.update(index + 1 - bar.n)
                     if motion is None:
@@ -189,6 +190,16 @@ def _gyro(source: FrameSource, config: PipelineConfig) -> GyroReplay | None:
     if first is None:
         raise SourceError(f'{source.name}: imu.use expects angular rates (a topic of type Imu, oxts), found none')
     return GyroReplay(chain((first,), samples), config.imu.time_offset_s)
+
+
+def _in_order(frames: Iterable[SourceFrame], tally: Tally) -> Iterator[SourceFrame]:
+    """Without those whose stamps were seen already or are late."""
+    order = StampOrder()
+    for frame in frames:
+        if order.judge(frame.stamp_ns).usable:
+            yield frame
+        else:
+            tally.misstamped_frames += 1
 
 
 def _measured(
@@ -228,7 +239,7 @@ def _summarize(job: Job, source: FrameSource, tally: Tally, complete: bool) -> S
     return Summary(
         input=str(job.path), version=motion_detect_ros.__version__, complete=complete, damaged=source.damaged,
         announced_frames=source.frame_count, frames=tally.frames, bad_frames=tally.bad_frames + source.bad_frames,
-        source_frames=tally.source_frames,
+        misstamped_frames=tally.misstamped_frames, source_frames=tally.source_frames,
         detections=tally.detections, objects=len(tally.ids), ego_status=dict(tally.ego_status),
         image_size=tally.image_size, calibrated=source.camera is not None, first_stamp_ns=stamps[0],
         last_stamp_ns=stamps[-1], stage_ms=tally.stage_ms(), decode_ms=Percentiles.of(tally.decode_ms),

@@ -13,6 +13,7 @@ from motion_detect_ros.core.types import ByteArray, CameraModel, DoubleArray, Re
 from motion_detect_ros.sources import messages
 
 PART_SUFFIX = '.part'
+CHUNK_BYTES = 1 << 20
 CAMERA_FRAME = 'camera'
 
 
@@ -23,8 +24,11 @@ class BagWriter:
     closed properly and stays: it is a readable bag of everything written so far.
     """
 
-    def __init__(self, path: str | Path, compress: bool = True) -> None:
-        """compress: zstd for the chunks; off suits pictures, which hardly shrink. Raises: SourceError."""
+    def __init__(self, path: str | Path, compress: bool = True, chunk_bytes: int = CHUNK_BYTES) -> None:
+        """compress: zstd for the chunks; off suits pictures, which hardly shrink. Raises: SourceError.
+
+        chunk_bytes: what is collected before it is written; if the process is killed that much is lost.
+        """
         self.path = Path(path)
         self.part_path = self.path.with_name(self.path.name + PART_SUFFIX)
         self.message_count = 0
@@ -35,7 +39,7 @@ class BagWriter:
         except OSError as error:
             raise SourceError(f'{self.part_path}: cannot be written: {error.strerror}') from None
         compression = CompressionType.ZSTD if compress else CompressionType.NONE
-        self._writer = Writer(self._stream, compression=compression)
+        self._writer = Writer(self._stream, chunk_size=chunk_bytes, compression=compression)
         self._writer.start(profile='ros2', library='motion_detect_ros')
 
     def write_raw(self, topic: str, msgtype: str, data: bytes, log_stamp_ns: int) -> None:
@@ -43,6 +47,7 @@ class BagWriter:
         self._writer.add_message(
             self._channel(topic, msgtype), log_time=log_stamp_ns, data=data, publish_time=log_stamp_ns,
             sequence=self.message_count)
+        self._stream.flush()  # whole chunks reach the disk at once
         self.message_count += 1
 
     def write(self, topic: str, message: Any, log_stamp_ns: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from motion_detect_ros.core.errors import SourceError
@@ -19,14 +20,21 @@ def open_source(path: str | Path, fps: float | None = None, topic: str | None = 
     has stamps of its own (bag, KITTI drive). topic: image topic of a bag, needed where it has several.
     Raises: SourceError with one line that says what was found and what is expected.
     """
+    if not str(path):
+        raise SourceError('source: expected a path, got nothing')
     path = Path(path)
-    if fps is not None and not fps > 0:
-        raise SourceError(f'frame rate: expected a number over 0, got {fps:g}')
+    check_rate('frame rate', fps)
     if path.is_dir():
         return _open_folder(path, fps, topic)
     if path.is_file():
         return _open_file(path, fps, topic)
     raise SourceError(f'{path}: no such file or folder')
+
+
+def check_rate(name: str, fps: float | None) -> None:
+    """Raises: SourceError for a rate (1/s) that is none; None is not given."""
+    if fps is not None and not 0 < fps < math.inf:
+        raise SourceError(f'{name}: expected a number over 0, got {fps:g}')
 
 
 def _open_file(path: Path, fps: float | None, topic: str | None) -> FrameSource:

@@ -102,4 +102,5 @@ def test_an_address_that_cannot_be_opened_is_named_without_its_password(source: 
 
 def test_a_source_that_is_empty_is_refused(start, tmp_path: Path):
     assert start('camera', '-p', "source:=''", code=2).wait(TIMEOUT_S) == 2
-    assert 'source: expected a camera number, a path or an address, got nothing' in (tmp_path / 'camera.log').read_text()
+    printed = (tmp_path / 'camera.log').read_text()
+    assert 'source: expected a camera number, a path or an address, got nothing' in printed
