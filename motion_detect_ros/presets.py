@@ -17,8 +17,8 @@ from motion_detect_ros.core.settings import with_settings
 PACKAGE = 'motion_detect_ros'
 #: Parameters of the nodes that are no settings of the perception core; a preset may hold them, offline skips them.
 NODE_PARAMETERS = frozenset({
-    'autostart', 'bag', 'clock', 'compressed', 'decimation_keep', 'decimation_of', 'fps', 'frame_id',
-    'image_reliability', 'loop', 'queue_size', 'rate', 'realtime', 'rectified', 'reorder_s', 'source',
+    'autostart', 'bag', 'clock', 'compressed', 'decimation_keep', 'decimation_of', 'first_id', 'fps',
+    'frame_id', 'image_reliability', 'loop', 'queue_size', 'rate', 'realtime', 'rectified', 'reorder_s', 'source',
     'source_secret_file', 'stamp_missing', 'topics', 'use_sim_time', 'wait_for_subscribers',
 })
 

@@ -15,9 +15,12 @@ from rclpy.task import Future
 
 from motion_detect_ros.allocator import tune_malloc
 from motion_detect_ros.bridge.managed_node import ManagedNode
+from motion_detect_ros.bridge.shared_memory import remove_dead_segments
 from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.sources.secrets import masked
 
+#: Longest round of the executor in which nothing happens, seconds.
+ROUND_S = 0.5
 #: Exit codes.
 FORCED, WRONG_USE = 1, 2
 #: Ending takes as long as blocked threads are waited for, about 10 s; over this it is given up, seconds.
@@ -59,6 +62,7 @@ def run(make_node: Callable[[], ManagedNode]) -> int:
     stop = StopRequest()
     node: ManagedNode | None = None
     try:
+        remove_dead_segments()
         rclpy.init()
         if stop.made:
             return 0
@@ -100,7 +104,7 @@ def spin(executor: SingleThreadedExecutor, finished: Future) -> None:
     """
     finished.add_done_callback(lambda _: executor.create_task(lambda: None))  # else the round waits for a message
     while executor.context.ok() and not finished.done():
-        executor.spin_once()
+        executor.spin_once(timeout_sec=ROUND_S)  # a signal that comes just before the wait does not end it
 
 
 def _complain(error: Exception) -> int:

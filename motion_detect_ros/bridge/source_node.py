@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future
+from typing import TypeVar
 
 from rclpy.duration import Duration
 
@@ -18,11 +21,16 @@ ACKNOWLEDGE_S = 60.0
 LINGER_S = 0.5
 #: How long a stopped thread gets, seconds.
 STOP_TIMEOUT_S = 5.0
+#: The same at the end of the process, which takes the thread along.
+LAST_STOP_TIMEOUT_S = 1.0
 #: How often subscribers are counted, how long others get to be found after them, seconds.
 POLL_S = 0.02
 SETTLE_S = 0.5
 FOLLOW_S = 2.0
 BROKEN, UNREADABLE = 1, 2
+
+
+Result = TypeVar('Result')
 
 
 class SourceNode(ManagedNode):
@@ -32,6 +40,7 @@ class SourceNode(ManagedNode):
         super().__init__(name)
         self.stopped = threading.Event()
         self._thread: threading.Thread | None = None
+        self._stop_timeout_s = STOP_TIMEOUT_S
         self._waiting = ''
         self._wait_for = int(declare_simple(
             self, 'wait_for_subscribers', 0, 'subscribers that an image topic must have before the start', 0, 100))
@@ -78,9 +87,23 @@ class SourceNode(ManagedNode):
         """Stop the thread; it may start again."""
         self.stopped.set()
         if self._thread:
-            self._thread.join(STOP_TIMEOUT_S)
+            self._thread.join(self._stop_timeout_s)
             if self._thread.is_alive() and self.context.ok():
-                self.get_logger().warning(f'thread still blocked after {STOP_TIMEOUT_S:.0f} s')
+                self.get_logger().warning(f'thread still blocked after {self._stop_timeout_s:.0f} s')
+
+    def close(self) -> None:
+        """End whatever runs; a thread that is blocked is left to the end of the process."""
+        self._stop_timeout_s = LAST_STOP_TIMEOUT_S
+        super().close()
+
+    def unless_stopped(self, action: Callable[[], Result]) -> Result:
+        """What ``action`` returns or raises; SIGINT and SIGTERM do not wait for it. Raises: SourceError after one."""
+        answer: Future[Result] = Future()
+        threading.Thread(target=_answer, args=(answer, action), name='open', daemon=True).start()
+        while self.context.ok():
+            with contextlib.suppress(TimeoutError):
+                return answer.result(POLL_S)
+        raise SourceError(f'{self.get_name()}: told to stop')
 
     def _await_acknowledgements(self) -> None:
         """A process that ends takes along what a reliable subscriber has not received yet."""
@@ -102,3 +125,10 @@ class SourceNode(ManagedNode):
                 self.stopped.wait(LINGER_S)
         if not self.stopped.is_set():
             self.finished.set_result(None)
+
+
+def _answer(answer: Future[Result], action: Callable[[], Result]) -> None:
+    try:
+        answer.set_result(action())
+    except Exception as error:
+        answer.set_exception(error)

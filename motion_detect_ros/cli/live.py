@@ -67,7 +67,7 @@ class LiveGraph:
     ) -> None:
         self._params = ['--params-file', str(_params_file(preset)), '-p', f'compressed:={str(compressed).lower()}']
         self._further = [word for parameter in parameters for word in ('-p', parameter)]
-        self._params += self._further
+        self._params += ['-p', 'first_id:=1', *self._further]  # as offline
         self._nodes = nodes
         self._image_topic = COMPRESSED_TOPIC if compressed else IMAGE_TOPIC
         self._domain_id = own_domain() if domain_id is None else domain_id

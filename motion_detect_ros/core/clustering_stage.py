@@ -36,11 +36,12 @@ STARTS_ANEW = (EgoStatus.FIRST_FRAME, EgoStatus.TIME_JUMP, EgoStatus.SIZE_CHANGE
 class ClusteringStage:
     """Separates moving objects from the background in one frame's flow and tracks them over frames.
 
-    clusterer: replaces the ART2 that ``config`` describes.
+    clusterer: replaces the ART2 that ``config`` describes; first_id: as for ``Tracker``.
     """
 
     def __init__(
         self, config: PipelineConfig, camera: CameraModel | None = None, clusterer: Clusterer | None = None,
+        first_id: int = 1,
     ) -> None:
         self._config = config
         self.camera = camera
@@ -48,7 +49,7 @@ class ClusteringStage:
         self._detector = MotionDetector(config, clusterer)
         self._last_flow = LastFlow(config.optical_flow.every_s)
         self._trajectories = TrajectoryFinder(config) if config.trajectories.use else None
-        self._tracker = Tracker(config.tracks)
+        self._tracker = Tracker(config.tracks, first_id)
         self._last: PreparedFrame | None = None
 
     @property

@@ -9,6 +9,8 @@ import numpy as np
 
 from motion_detect_ros.core.types import ByteArray, FloatArray, RecordArray
 
+#: Labels show the last five digits of an id.
+LABELS = 100_000
 #: Hue step between consecutive ids; the golden ratio keeps any few neighbours apart.
 HUE_STEP = 0.618033988749895
 #: Arrows show the displacement in this time, seconds.
@@ -76,6 +78,6 @@ def _draw_one(canvas: ByteArray, record: np.void, thickness: int) -> None:
     if np.isfinite(ahead_u) and np.isfinite(ahead_v):
         tip = _pixel(u + ahead_u, v + ahead_v)
         cv2.arrowedLine(canvas, _pixel(u, v), tip, color, thickness, cv2.LINE_AA, tipLength=0.25)
-    label = f'{int(record["id"])}'
+    label = f'{int(record["id"]) % LABELS}'
     cv2.putText(canvas, label, (left_top[0], left_top[1] - 3), cv2.FONT_HERSHEY_SIMPLEX, 0.4 * thickness, color,
                 thickness, cv2.LINE_AA)

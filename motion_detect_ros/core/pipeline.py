@@ -49,13 +49,16 @@ class MotionPipeline:
     The ROS nodes run the same stage objects, so online and offline results are equal.
     """
 
-    def __init__(self, config: PipelineConfig | None = None, camera: CameraModel | None = None) -> None:
+    def __init__(
+        self, config: PipelineConfig | None = None, camera: CameraModel | None = None, first_id: int = 1,
+    ) -> None:
+        """first_id: id of the first track."""
         self.config = config or PipelineConfig()
         self._preprocessor = Preprocessor(self.config.preprocessing)
         self._ego_motion = EgoMotionStage(self.config, camera)
         self._history = FrameHistory(self.config.optical_flow.baseline_s)
         self._optical_flow = OpticalFlowStage(self.config)
-        self._clustering = ClusteringStage(self.config, camera)
+        self._clustering = ClusteringStage(self.config, camera, first_id=first_id)
 
     @property
     def neurons(self) -> int:

@@ -10,6 +10,7 @@ from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.stage_node import StageNode, unused_for
 from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, DetectionPublisher
+from motion_detect_ros.bridge.track_ids import declare_first_id
 from motion_detect_ros.core.clustering_stage import ClusteringStage
 from motion_detect_ros.core.geometry.frame_history import FrameHistory
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
@@ -23,11 +24,12 @@ class Art2ClusteringNode(StageNode):
 
     def __init__(self) -> None:
         super().__init__('art2_clustering')
+        self._first_id = declare_first_id(self)
 
     @cached_property
     def _stage(self) -> ClusteringStage:
         """One for the life of the process, so that no id is used twice."""
-        return ClusteringStage(self.config)
+        return ClusteringStage(self.config, first_id=self._first_id)
 
     def make_stage(self) -> None:
         """Stage without history, publisher."""

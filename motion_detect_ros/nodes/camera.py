@@ -48,8 +48,8 @@ class CameraNode(SourceNode):
 
     def prepare(self) -> None:
         """Open the device."""
-        self._capture = Capture(
-            self._source, self._fps or None, self._keep, self._of, self._queue_size, self._realtime)
+        self._capture = self.unless_stopped(lambda: Capture(
+            self._source, self._fps or None, self._keep, self._of, self._queue_size, self._realtime))
         self._drops, self._began_s = 0, time.monotonic()
 
     def produce(self) -> None:

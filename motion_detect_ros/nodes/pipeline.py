@@ -10,6 +10,7 @@ from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.stage_node import StageNode, unused_for
 from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, DetectionPublisher, TopicPublisher
+from motion_detect_ros.bridge.track_ids import declare_first_id
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.types import ByteArray, CameraModel
 
@@ -19,11 +20,12 @@ class PipelineNode(StageNode):
 
     def __init__(self) -> None:
         super().__init__('pipeline')
+        self._first_id = declare_first_id(self)
 
     @cached_property
     def _pipeline(self) -> MotionPipeline:
         """One for the life of the process, so that no id is used twice."""
-        return MotionPipeline(self.config)
+        return MotionPipeline(self.config, first_id=self._first_id)
 
     def make_stage(self) -> None:
         """Pipeline without history, publishers."""

@@ -77,10 +77,16 @@ def _parse(path: Path, lines: list[str], separator: str | None, parse_row: _RowP
     for number, line in enumerate(lines, 1):
         if line.strip():
             try:
-                rows.append(parse_row(line.split(separator)))
-            except (ValueError, IndexError) as error:
+                rows.append(_fitting(parse_row(line.split(separator))))
+            except (ValueError, IndexError, OverflowError) as error:
                 raise SourceError(f'{path}, line {number}: {error}') from None
     return np.array(rows, TRUTH_DTYPE)
+
+
+def _fitting(row: _Row) -> _Row:
+    """The row. Raises: OverflowError where a number of it does not fit its field."""
+    np.array([row], TRUTH_DTYPE)
+    return row
 
 
 def _visdrone_row(cells: list[str]) -> _Row:
@@ -105,8 +111,8 @@ def _load_csv(path: Path, lines: list[str]) -> Truth:
     rows: list[_Row] = []
     for number, cells in enumerate(reader, 2):
         try:
-            rows.append(_csv_row(cells))
-        except (ValueError, TypeError) as error:
+            rows.append(_fitting(_csv_row(cells)))
+        except (ValueError, TypeError, OverflowError) as error:
             raise SourceError(f'{path}, line {number}: {error}') from None
     return Truth(np.array(rows, TRUTH_DTYPE), 'CSV', 'moving' in columns)
 

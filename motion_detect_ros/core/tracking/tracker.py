@@ -17,6 +17,8 @@ from motion_detect_ros.core.tracking.alternatives.appearance import APPEARANCE_M
 from motion_detect_ros.core.tracking.track import Track
 from motion_detect_ros.core.types import ByteArray, DoubleArray, RecordArray, empty_detections
 
+#: Ids are uint32.
+MAX_ID = 0xFFFFFFFF
 #: Cost of a pair outside of the gate.
 FORBIDDEN = 1e6
 #: A detection is looked for within this share of both sizes, and so many pixels, of the prediction; its area may differ
@@ -35,10 +37,11 @@ SETTLED_SHARE, SETTLED_PX, SETTLED_LOG_SIZE = 0.1, 1.0, 0.25
 class Tracker:
     """Assigns candidates to tracks, confirms, and reports the confirmed ones."""
 
-    def __init__(self, config: TracksConfig) -> None:
+    def __init__(self, config: TracksConfig, first_id: int = 1) -> None:
+        """first_id: of the first confirmed track, 1 to MAX_ID; after that comes 1 again."""
         self._config = config
         self._tracks: list[Track] = []
-        self._confirmed = 0
+        self._next_id = first_id
         self._camera_px_s = 0.0
         self._learn = APPEARANCE_MODELS.get(config.appearance) if config.appearance_hold_s > 0.0 else None
 
@@ -156,8 +159,8 @@ class Tracker:
         for track in self._tracks:
             enough = track.detected.for_at_least(self._config.confirm_s)
             if track.id == 0 and enough and track.log_odds >= self._config.confirm_log_odds:
-                self._confirmed += 1
-                track.id = self._confirmed
+                track.id = self._next_id
+                self._next_id = self._next_id % MAX_ID + 1
 
     def _drop_ended(self, width: int, height: int) -> None:
         self._tracks = [track for track in self._tracks if self._alive(track) and track.inside(width, height)]

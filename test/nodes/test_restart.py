@@ -1,0 +1,102 @@
+"""What a process that ends and starts again leaves to the others, and how fast it ends."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from peers import TIMEOUT_S, image_message, ready, small
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Image, PointCloud2
+
+from motion_detect_ros.bridge.images import header_of
+from motion_detect_ros.bridge.records import read_detections
+from motion_detect_ros.bridge.shared_memory import MIN_AGE_S
+
+FRAMES = 12
+#: A node that is told to end has ended after so long, seconds.
+END_S = 2.0
+ENDS = 20
+
+
+def test_no_id_comes_twice_after_a_restart(peer, start):
+    answers, publisher = peer.subscribe(PointCloud2, 'detections'), peer.advertise(Image, 'image_raw')
+    seen: list[list[int]] = []
+    for _ in range(2):
+        process = start('pipeline', *small(), code=0 if seen else -signal.SIGKILL)
+        assert ready(peer, 'image_raw')
+        answers.clear()
+        for index in range(FRAMES):
+            publisher.publish(image_message(index))
+            assert peer.until(lambda index=index: len(answers) > index)
+        seen.append([int(ident) for message in answers for ident in read_detections(message)['id']])
+        process.send_signal(signal.SIGKILL if not seen[1:] else signal.SIGINT)
+        process.wait(TIMEOUT_S)
+        assert peer.until(lambda: publisher.get_subscription_count() == 0)
+    assert seen[0] and seen[1]
+    assert max(seen[0]) < min(seen[1])
+
+
+def segments_of(process: int) -> set[Path]:
+    """Shared memory of Fast DDS that a process has mapped."""
+    mapped = Path(f'/proc/{process}/maps').read_text()
+    return {Path(name) for name in re.findall(r'/dev/shm/fastrtps_[0-9a-f]{16}$', mapped, re.MULTILINE)}
+
+
+def test_shared_memory_of_a_killed_process_is_removed_by_the_next_that_starts(peer, start):
+    alive, killed = start('overlay', '-r', '__node:=alive'), start('optical_flow', *small(), code=-signal.SIGKILL)
+    for node in ('alive', 'optical_flow'):
+        peer.known_to(f'/{node}')
+    kept = {path for path in segments_of(alive.pid) if path.exists()}
+    left = segments_of(killed.pid) - segments_of(alive.pid) - segments_of(os.getpid())
+    killed.kill()
+    killed.wait(TIMEOUT_S)
+    left = {path for path in left if path.exists()}
+    assert left
+    peer.rest(MIN_AGE_S)
+    start('camera', '-p', 'source:=/nowhere', code=2).wait(TIMEOUT_S)
+    assert not any(path.exists() for path in left)
+    assert all(path.exists() for path in kept)
+    assert alive.poll() is None
+
+
+@pytest.fixture
+def black_hole() -> Iterator[str]:
+    """An address that accepts connections and never says anything."""
+    with socket.create_server(('127.0.0.1', 0)) as server:
+        yield f'http://127.0.0.1:{server.getsockname()[1]}/live.mjpg'
+
+
+@pytest.mark.timing
+def test_a_camera_that_waits_for_a_black_hole_ends_at_once(black_hole, peer, start):
+    for delay_s in (0.2, 0.6, 1.0, 1.4):
+        process = start('camera', '-p', f'source:={black_hole}')
+        assert peer.until(lambda: 'camera' in peer.node.get_node_names())
+        peer.rest(delay_s)
+        began = time.monotonic()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(TIMEOUT_S) == 0
+        assert time.monotonic() - began < END_S
+        assert peer.until(lambda: 'camera' not in peer.node.get_node_names())
+
+
+@pytest.mark.timing
+def test_a_node_on_a_clock_that_went_back_and_stands_ends_at_once(peer, start):
+    clock = peer.advertise(Clock, '/clock')
+    for number in range(ENDS):
+        process = start('overlay', '-p', 'use_sim_time:=true')
+        assert ready(peer, '/clock')
+        for second in (100 + number, 50):
+            clock.publish(Clock(clock=header_of(second * 1_000_000_000, '').stamp))
+        peer.rest(0.02 * (number % 7))
+        began = time.monotonic()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(TIMEOUT_S) == 0
+        assert time.monotonic() - began < END_S, number
+        assert peer.until(lambda: clock.get_subscription_count() == 0)
