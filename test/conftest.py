@@ -7,6 +7,13 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from reliability import (  # noqa: F401 hooks and a fixture
+    pytest_addoption,
+    pytest_configure,
+    pytest_runtest_logreport,
+    pytest_sessionfinish,
+    shown,
+)
 
 # How long an example takes says nothing on a machine that others use too.
 settings.register_profile('busy machine', deadline=None, suppress_health_check=[HealthCheck.too_slow])

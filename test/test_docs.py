@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from reliability import rows_of_tests
 
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.settings import settings
@@ -61,6 +62,12 @@ def test_documents_linked_from_the_pages_exist():
     for page in (ROOT / 'README.md', *(ROOT / 'docs').glob('*.md')):
         for target in re.findall(r'\]\(([^)#]+)', page.read_text(encoding='utf-8')):
             assert (page.parent / target).exists() or '://' in target, f'{page.name}: {target}'
+
+
+def test_rows_of_the_reliability_page_are_those_that_tests_show():
+    rows = re.findall(r'^\| (.+?) \| (.+?) \| .+ \| `[^`]+` \|$', page('reliability.md'), re.MULTILINE)
+    assert len(rows) == len(set(rows)) > 10
+    assert set(rows) == rows_of_tests(ROOT / 'test')
 
 
 def page(name: str) -> str:

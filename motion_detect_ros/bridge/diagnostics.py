@@ -54,13 +54,15 @@ class Condition:
     """What a node knows about itself beyond its counters, each a few words or empty.
 
     ``fault``: it cannot do its work (ERROR); ``concern``: it does it badly (WARN); ``idle``: nothing is to be done
-    now, so that silence and drops mean nothing (OK); ``waits``: what inputs wait for, which is no matter for a moment.
+    now, so that silence and drops mean nothing (OK); ``waits``: what inputs wait for, which is no matter for a moment;
+    ``unheard``: why nothing may come, said where nothing comes.
     """
 
     fault: str = ''
     concern: str = ''
     idle: str = ''
     waits: str = ''
+    unheard: str = ''
 
 
 class StageStats:
@@ -225,7 +227,9 @@ def _judged(summary: Summary, condition: Condition, dropped: int) -> tuple[bytes
         return DiagnosticStatus.OK, condition.idle
     lost = f'{dropped} dropped since the last report' if dropped else ''
     blind = _blind(summary, condition.waits, BLIND_WARN_S)
-    trouble = ', '.join(filter(None, (lost, condition.concern, silent(summary), blind)))
+    silence = silent(summary)
+    unheard = condition.unheard if silence or condition.waits else ''
+    trouble = ', '.join(filter(None, (lost, condition.concern, silence, unheard, blind)))
     if trouble:
         return DiagnosticStatus.WARN, trouble
     return DiagnosticStatus.OK, f'{summary.rate_out_hz:.1f} Hz'

@@ -9,14 +9,15 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher, LifecycleState, TransitionCallbackReturn
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSProfile, qos_policy_name_from_kind
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from motion_detect_ros.bridge.diagnostics import Condition, Reporter, StageStats
 from motion_detect_ros.bridge.params import declare_simple
-from motion_detect_ros.bridge.qos import diagnostics_qos, overridable
+from motion_detect_ros.bridge.qos import diagnostics_qos, incompatibility, overridable
 from motion_detect_ros.core.errors import MotionDetectError, SourceError
 from motion_detect_ros.sources.secrets import masked
 
@@ -45,6 +46,8 @@ class ManagedNode(LifecycleNode):
         self._starting = False
         self._autostart = bool(declare_simple(self, 'autostart', True, 'configure and activate at start'))
         self._subscriptions_made: list[Any] = []
+        #: Topic -> why messages of a publisher of it do not arrive.
+        self.incompatible: dict[str, str] = {}
         self._publishers_made: list[LifecyclePublisher] = []
         self._configured = False
         self.active = False
@@ -96,12 +99,24 @@ class ManagedNode(LifecycleNode):
         """Calls ``action`` in the executor every ``period_s`` of steady time, whatever the simulated clock does."""
         self.create_timer(period_s, action, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def subscribe(self, *args: Any, **options: Any) -> None:
-        """A subscription that lives until deactivation."""
-        self._subscriptions_made.append(self.create_subscription(*args, **options))
+    def subscribe(
+        self, kind: Any, name: str, callback: Callable[[Any], None], quality: QoSProfile, **options: Any,
+    ) -> None:
+        """A subscription that lives until deactivation; publishers it is incompatible with are named."""
+        topic = self.resolve_topic_name(name)
+
+        def on_incompatible(event: Any) -> None:
+            policy = qos_policy_name_from_kind(event.last_policy_kind)
+            self.incompatible[topic] = incompatibility(topic, policy, quality)
+            self.get_logger().warning(self.incompatible[topic], throttle_duration_sec=WARNING_PERIOD_S)
+
+        self._subscriptions_made.append(self.create_subscription(
+            kind, name, callback, quality, event_callbacks=SubscriptionEventCallbacks(incompatible_qos=on_incompatible),
+            **options))
 
     def unsubscribe(self) -> None:
         """End all subscriptions made by ``subscribe``."""
+        self.incompatible.clear()
         while self._subscriptions_made:
             self.destroy_subscription(self._subscriptions_made.pop())
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from difflib import get_close_matches
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -76,10 +77,15 @@ def declare_address(node: Node, name: str, default: str, doc: str) -> str:
     return value
 
 
-def unknown_parameters(node: Node) -> tuple[str, ...]:
-    """Names given on the command line or in a parameter file that the node does not declare: misspelt, mostly."""
+def unknown_parameters(node: Node) -> dict[str, str]:
+    """Names given on the command line or in a parameter file that the node does not declare: misspelt, mostly.
+
+    Each with the name it is closest to, empty where none is close.
+    """
     given = getattr(node, '_parameter_overrides', {})  # rclpy has no public way to ask
-    return tuple(name for name in sorted(given) if not node.has_parameter(name) and not is_node_parameter(name))
+    unknown = [name for name in sorted(given) if not node.has_parameter(name) and not is_node_parameter(name)]
+    known = node.get_parameters_by_prefix('') if unknown else {}
+    return {name: next(iter(get_close_matches(name, known, 1)), '') for name in unknown}
 
 
 def _declared(node: Node, name: str, default: Scalar, descriptor: ParameterDescriptor) -> Scalar:

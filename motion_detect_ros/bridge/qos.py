@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSPolicyKind, QoSProfile, QoSReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.qos_overriding_options import QosCallbackResult, QoSOverridingOptions
 
 #: Small records may queue; images may not, an old one is worth nothing.
 IMAGE_DEPTH = 1
@@ -12,6 +12,7 @@ CLOCK_DEPTH = 100
 LATCHED_DEPTH = 100
 IMU_DEPTH = 400
 DIAGNOSTICS_DEPTH = 10
+MAX_DEPTH = 100_000
 RELIABILITIES = {'reliable': QoSReliabilityPolicy.RELIABLE, 'best_effort': QoSReliabilityPolicy.BEST_EFFORT}
 
 
@@ -51,4 +52,21 @@ def latched_qos() -> QoSProfile:
 
 def overridable() -> QoSOverridingOptions:
     """Lets users set history, depth and reliability by the standard ``qos_overrides`` parameters."""
-    return QoSOverridingOptions([QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY])
+    return QoSOverridingOptions(
+        [QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY], callback=_checked)
+
+
+def incompatibility(topic: str, policy: str, ours: QoSProfile) -> str:
+    """In a few words why a publisher's messages do not arrive, and what helps. policy: name of the one that differs."""
+    wanted = getattr(ours, policy.lower(), None)
+    cure = ''
+    if policy == 'RELIABILITY':
+        cure = f'; set image_reliability:=best_effort or qos_overrides.{topic}.subscription.reliability:=best_effort'
+    return f'a publisher of {topic} offers another {policy.lower()} than {getattr(wanted, "name", wanted)}{cure}'
+
+
+def _checked(profile: QoSProfile) -> QosCallbackResult:
+    """DDS takes other depths for an error that it reports on dozens of lines."""
+    fits = 1 <= profile.depth <= MAX_DEPTH
+    reason = '' if fits else f'depth: expected 1 to {MAX_DEPTH}, got {profile.depth}'
+    return QosCallbackResult(successful=fits, reason=reason)

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from types import FrameType
 
 import rclpy
+from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.task import Future
 
@@ -77,8 +78,8 @@ def run(make_node: Callable[[], ManagedNode]) -> int:
     except Exception as error:
         if stop.made:
             return 0
-        # Before there is a node, a RuntimeError is rclpy's word for wrong --ros-args.
-        if isinstance(error, MotionDetectError) or (isinstance(error, RuntimeError) and node is None):
+        # Before there is a node, these are rclpy's words for wrong --ros-args and wrong values of its own parameters.
+        if isinstance(error, MotionDetectError) or (isinstance(error, RuntimeError | ParameterException) and not node):
             return _complain(error)
         raise
     finally:

@@ -96,8 +96,9 @@ class StageNode(ManagedNode):
 
     def open(self) -> None:
         """Warm kernels, publishers, stage."""
-        for name in unknown_parameters(self):
-            self.get_logger().warning(f'parameter {name} is unknown and has no effect')
+        for name, known in unknown_parameters(self).items():
+            meant = f'; did you mean {known}?' if known else ''
+            self.get_logger().warning(f'parameter {name} is unknown and has no effect{meant}')
         use_threads(self.config.load)
         warm_up(self.config)
         self._camera_in_use = None
@@ -137,6 +138,7 @@ class StageNode(ManagedNode):
                 self._stream.trouble(time.monotonic_ns()),
                 '' if self._decimation.active and self.inputs else self._stream.loss(),
                 'nothing received on imu yet' if self._gyro and not self._gyro.received else ''))),
+            unheard='; '.join(self.incompatible.values()),
             waits=f'nothing of the same stamp from {", ".join(absent)}' if absent else '')
 
     def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:

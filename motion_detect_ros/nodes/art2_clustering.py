@@ -12,7 +12,9 @@ from motion_detect_ros.bridge.stage_node import StageNode, unused_for
 from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, DetectionPublisher
 from motion_detect_ros.bridge.track_ids import declare_first_id
 from motion_detect_ros.core.clustering_stage import ClusteringStage
+from motion_detect_ros.core.errors import MessageError
 from motion_detect_ros.core.geometry.frame_history import FrameHistory
+from motion_detect_ros.core.optical_flow.stage import grid_shape
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.types import ByteArray, CameraModel, EgoMotion, FlowField
 
@@ -41,6 +43,10 @@ class Art2ClusteringNode(StageNode):
     def work(self, header: Any, image: ByteArray, flow: FlowField, ego: EgoMotion) -> str:
         """One image: detect and publish."""
         frame = self._preprocessor.process(image, stamp_ns(header))
+        expected, got = grid_shape(frame, self.config.optical_flow.grid_px), flow.flow.shape[:2]
+        if got != expected:
+            raise MessageError(f'{self.resolve_topic_name(FLOW.name)}: expected a grid of {expected[1]}x{expected[0]} '
+                               f'cells for these images and settings, got {got[1]}x{got[0]}')
         reference = self._history.step(frame, ego)
         records = self._stage.process(frame, ego, reference, replace(flow, width=frame.width, height=frame.height))
         self._publisher.publish(records, header)

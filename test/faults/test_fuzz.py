@@ -80,12 +80,13 @@ def read_whole(path: Path) -> None:
     list(BagFrames(path, None))
 
 
-def test_bags(bag: bytes, tmp_path: Path):
+def test_bags(bag: bytes, tmp_path: Path, shown):
     chance, path = random.Random(11), tmp_path / 'a.mcap'
     for number in range(MUTATIONS):
         data = mutated(chance, bag)
         path.write_bytes(data)
         survives(lambda: read_whole(path), (number, data[:200]))
+    shown('damaged bytes', 'an answer, or one line of our own error', f'{MUTATIONS} MCAP files')
 
 
 def test_bags_cut_off_anywhere(bag: bytes, tmp_path: Path):
@@ -103,7 +104,7 @@ def test_corpus(path: Path):
         survives(lambda: read_truth(path), path.name)
 
 
-def test_truth(tmp_path: Path):
+def test_truth(tmp_path: Path, shown):
     chance = random.Random(12)
     rows = '\n'.join(f'{frame},1,{10 * frame},20,30,40,1' for frame in range(5))
     for number in range(MUTATIONS):
@@ -113,6 +114,7 @@ def test_truth(tmp_path: Path):
         data = mutated(chance, (header + rows).encode())
         path.write_bytes(data)
         survives(lambda path=path: read_truth(path), (number, data))
+    shown('damaged bytes', 'an answer, or one line of our own error', f'{MUTATIONS} truth files')
 
 
 def odd_image(chance: random.Random, image: Image) -> Image:
@@ -124,22 +126,24 @@ def odd_image(chance: random.Random, image: Image) -> Image:
                  encoding=chance.choice((image.encoding, *WORDS)))
 
 
-def test_images():
+def test_images(shown):
     chance, image = random.Random(13), image_to_msg(np.zeros((8, 12, 3), np.uint8), header_of(1, 'a'))
     for _ in range(MUTATIONS):
         odd = odd_image(chance, image)
         survives(lambda odd=odd: image_from_msg(odd), odd)
         odd.encoding = FLOW_ENCODING
         survives(lambda odd=odd: flow_from_msg(odd), odd)
+    shown('damaged bytes', 'an answer, or one line of our own error', f'{2 * MUTATIONS} images and flows')
 
 
 @pytest.mark.parametrize('suffix', ['.jpg', '.png'])
-def test_compressed_images(suffix: str):
+def test_compressed_images(suffix: str, shown):
     chance = random.Random(14)
     _, data = cv2.imencode(suffix, np.random.default_rng(0).integers(0, 256, (24, 32, 3), np.uint8))
     for _ in range(MUTATIONS // 2):
         odd = CompressedImage(format=suffix, data=mutated(chance, data.tobytes()))
         survives(lambda odd=odd: image_from_msg(odd), bytes(odd.data))
+    shown('damaged bytes', 'an answer, or one line of our own error', f'{MUTATIONS // 2} pictures {suffix}')
 
 
 def odd_records(chance: random.Random, message: PointCloud2) -> PointCloud2:
@@ -159,10 +163,11 @@ def odd_records(chance: random.Random, message: PointCloud2) -> PointCloud2:
 
 
 @pytest.mark.parametrize('read', [read_detections, ego_from_msg])
-def test_records(read: Callable[[PointCloud2], object]):
+def test_records(read: Callable[[PointCloud2], object], shown):
     chance = random.Random(15)
     message = (detections_to_msg(empty_detections(3), header_of(1, 'a')) if read is read_detections
                else ego_to_msg(no_estimate(EgoStatus.FIRST_FRAME, 1, 1), header_of(1, 'a')))
     for _ in range(MUTATIONS):
         odd = odd_records(chance, message)
         survives(lambda odd=odd: read(odd), odd)
+    shown('damaged bytes', 'an answer, or one line of our own error', f'{MUTATIONS} messages for {read.__name__}')

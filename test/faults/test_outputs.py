@@ -46,7 +46,7 @@ def test_folders_of_several_inputs_are_all_different():
     assert len(set(folders_of(inputs, Path('out')))) == len(inputs)
 
 
-def test_a_bag_named_by_dots_leaves_what_is_beside_the_folder_alone(tmp_path: Path):
+def test_a_bag_named_by_dots_leaves_what_is_beside_the_folder_alone(tmp_path: Path, shown):
     for name in ('...mcap', 'b.mcap'):
         write_bag(tmp_path / name, regular(4))
     bystanders = [tmp_path / 'results' / name for name in OUTPUT_NAMES]
@@ -57,10 +57,11 @@ def test_a_bag_named_by_dots_leaves_what_is_beside_the_folder_alone(tmp_path: Pa
     assert main(['replay', str(tmp_path / '...mcap'), str(tmp_path / 'b.mcap'), '-o', str(out)]) == 0
     assert {file.read_text() for file in bystanders} == {'mine'}
     assert sorted(path.name for path in out.iterdir()) == ['b', 'input']
+    shown('an input named `...mcap`', 'writes inside of the folder that was asked for', 'folder `input`')
 
 
 @pytest.mark.parametrize('left', [*OUTPUT_NAMES, 'detections.mcap.part'])
-def test_existing_results_need_force(left: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_existing_results_need_force(left: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], shown):
     bag, out = write_bag(tmp_path / 'a.mcap', regular(4)), tmp_path / 'out'
     out.mkdir()
     (out / left).write_text('mine')
@@ -69,6 +70,7 @@ def test_existing_results_need_force(left: str, tmp_path: Path, capsys: pytest.C
     assert [(path.name, path.read_text()) for path in out.iterdir()] == [(left, 'mine')]
     assert main(['replay', str(bag), '-o', str(out), '--force']) == 0
     assert sorted(path.name for path in out.iterdir()) == sorted(OUTPUT_NAMES)
+    shown('replay into a folder with results', 'refused without --force, exit code 2', f'`{left}` kept')
 
 
 def test_convert_overwrites_no_bag_unasked(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
@@ -95,7 +97,7 @@ def test_rates_that_are_none(words: list[str], tmp_path: Path, capsys: pytest.Ca
     assert 'expected a number over 0' in capsys.readouterr().err
 
 
-def test_what_a_killed_replay_had_done_is_readable(tmp_path: Path):
+def test_what_a_killed_replay_had_done_is_readable(tmp_path: Path, shown):
     bag, out = write_bag(tmp_path / 'a.mcap', regular(3000)), tmp_path / 'out'
     command = [sys.executable, '-m', 'motion_detect_ros', 'replay', str(bag), '-o', str(out)]
     process = subprocess.Popen(command, env={**os.environ}, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -113,3 +115,4 @@ def test_what_a_killed_replay_had_done_is_readable(tmp_path: Path):
         assert 'cut off' in str(reader.damaged)
     assert len(stamps) > 5
     assert stamps == regular(len(stamps))
+    shown('replay is killed (-9)', 'what it had done up to a few frames before is readable', f'{len(stamps)} frames')

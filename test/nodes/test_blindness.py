@@ -55,7 +55,7 @@ IN_VAIN: dict[str, tuple[str, Callable[[int], Image], str]] = {
 
 
 @pytest.mark.parametrize('name', IN_VAIN)
-def test_images_in_vain_are_a_warning_then_an_error_then_well_again(name, peer, start):
+def test_images_in_vain_are_a_warning_then_an_error(name, peer, start, shown):
     node, make, reason = IN_VAIN[name]
     start(node, *small())
     reports = peer.subscribe(DiagnosticArray, '/diagnostics')
@@ -78,6 +78,7 @@ def test_images_in_vain_are_a_warning_then_an_error_then_well_again(name, peer, 
         assert time.monotonic() < deadline, [message.status[0].message for message in reports]
     found = levels()
     assert found.index(DiagnosticStatus.WARN) < found.index(DiagnosticStatus.ERROR)
+    shown('images come, but none can be used', 'WARN with the reason after 2 s, ERROR after 5 s', name)
 
 
 def test_a_stage_that_sees_again_is_well_again(peer, start):

@@ -80,7 +80,7 @@ def test_every_transition_in_every_state(node: str, peer: Peer, start):
     assert (managed.state, process.poll()) == (UNCONFIGURED, None)
 
 
-def test_random_sequences(peer: Peer, start):
+def test_random_sequences(peer: Peer, start, shown):
     """What a node answers, and where it is then, over and over; shutdown ends a node and has tests of its own."""
     chance = random.Random(SEED)
     process = start('overlay')
@@ -100,6 +100,8 @@ def test_random_sequences(peer: Peer, start):
         assert managed.state == state, steps
     assert taken > SEQUENCES
     assert process.poll() is None
+    shown('transitions that the present state does not have', 'refused with `success: false`, the node as before',
+          f'{SEQUENCES} random sequences of {STEPS}, {taken} taken, all others refused')
 
 
 @pytest.mark.parametrize('label', [True, False], ids=['label', 'number'])

@@ -40,7 +40,7 @@ def values(reports: list[DiagnosticArray], node: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize('graph', GRAPHS)
-def test_images_seen_already_or_late_are_left_out_and_nothing_else_is_lost(graph, peer, start):
+def test_images_seen_already_or_late_are_left_out_and_nothing_else_is_lost(graph, peer, start, shown):
     for node in GRAPHS[graph]:
         start(node, *small(*PATIENT))
     answers, egos = peer.subscribe(PointCloud2, 'detections'), peer.subscribe(PointCloud2, 'ego_motion')
@@ -67,9 +67,12 @@ def test_images_seen_already_or_late_are_left_out_and_nothing_else_is_lost(graph
         assert int(found['stamps_seen']) == FRAMES
         assert int(found['stamps_seen']) + int(found['stamps_late']) == left_out == int(found['dropped']), found
         assert (found['stamps_jump'], int(found['received'])) == ('0', sent)
+    shown('every image twice, one swap in ten, images shuffled by three',
+          'those seen already or late are left out and counted, no other is lost, nothing is reset, stamps increase',
+          f'{graph}: {sent - left_out} of {sent} used, {left_out} left out, 0 resets')
 
 
-def test_a_camera_that_does_not_stamp_is_named_and_its_images_are_left_out(peer, start):
+def test_a_camera_that_does_not_stamp_is_named_and_its_images_are_left_out(peer, start, shown):
     start('pipeline', *small())
     reports, answers = peer.subscribe(DiagnosticArray, '/diagnostics'), peer.subscribe(PointCloud2, 'detections')
     publisher = peer.advertise(Image, 'image_raw')
@@ -84,9 +87,11 @@ def test_a_camera_that_does_not_stamp_is_named_and_its_images_are_left_out(peer,
 
     assert peer.until(named)
     assert len(answers) == 1
+    shown('a camera that never stamps', 'named, WARN then ERROR; or its time of arrival is used, if told so',
+          'left out, named, ERROR')
 
 
-def test_images_without_stamps_are_used_with_their_time_of_arrival_where_that_is_asked_for(peer, start):
+def test_images_without_stamps_are_used_with_their_time_of_arrival_where_that_is_asked_for(peer, start, shown):
     start('pipeline', *small('stamp_missing:=arrival'))
     reports, answers = peer.subscribe(DiagnosticArray, '/diagnostics'), peer.subscribe(PointCloud2, 'detections')
     publisher = peer.advertise(Image, 'image_raw')
@@ -103,10 +108,12 @@ def test_images_without_stamps_are_used_with_their_time_of_arrival_where_that_is
     assert peer.until(lambda: any(
         message.status[0].level == DiagnosticStatus.WARN and 'time of arrival is used' in message.status[0].message
         for message in reports))
+    shown('a camera that never stamps', 'named, WARN then ERROR; or its time of arrival is used, if told so',
+          f'with stamp_missing: arrival {len(answers)} of {FRAMES} answered')
 
 
 @pytest.mark.parametrize('graph', GRAPHS)
-def test_a_negative_stamp_costs_its_image_only_in_every_node(graph, peer, start):
+def test_a_negative_stamp_costs_its_image_only_in_every_node(graph, peer, start, shown):
     for node in GRAPHS[graph]:
         start(node, *small(*PATIENT))
     answers, egos = peer.subscribe(PointCloud2, 'detections'), peer.subscribe(PointCloud2, 'ego_motion')
@@ -118,3 +125,4 @@ def test_a_negative_stamp_costs_its_image_only_in_every_node(graph, peer, start)
     assert [stamp_ns(message.header) for message in answers] == [
         (index + 1) * PERIOD_NS for index in range(8) if index != 4]
     assert [ego_from_msg(message).status for message in egos][1:] == [EgoStatus.OK] * 6
+    shown('a negative stamp', 'costs its image only, in every node', f'{graph}: 7 of 8 answered')

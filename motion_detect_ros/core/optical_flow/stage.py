@@ -47,16 +47,12 @@ class OpticalFlowStage:
             self._every.done()
         return FlowField(flow, frame.width, frame.height, frame.stamp_ns)
 
-    def _grid(self, frame: PreparedFrame) -> tuple[int, int]:
-        rows, columns = frame.gray.shape
-        return max(1, round(rows / self._config.grid_px)), max(1, round(columns / self._config.grid_px))
-
     def _unknown(self, frame: PreparedFrame) -> FloatArray:
-        return np.full((*self._grid(frame), 2), np.nan, np.float32)
+        return np.full((*grid_shape(frame, self._config.grid_px), 2), np.nan, np.float32)
 
     def _between(self, reference: ReferenceFrame, frame: PreparedFrame, ego: EgoMotion) -> FloatArray:
         """Total displacement on the grid: flow of the stabilised pair composed with the ego-motion."""
-        rows, columns = self._grid(frame)
+        rows, columns = grid_shape(frame, self._config.grid_px)
         stabilised = stabilise(reference.gray, at_scale(reference.matrix, frame.scale))
         boxes = self._regions.boxes(frame, ego, (rows, columns))
         worker = self._worker if cv2.getNumThreads() > 1 else None
@@ -65,3 +61,9 @@ class OpticalFlowStage:
             worker and BackwardWorker(confined(worker.flow, boxes), worker.pool))
         self._regions.remember(shift, frame.stamp_ns)
         return total_flow(shift, reference.matrix, frame.scale, frame.width, frame.height)
+
+
+def grid_shape(frame: PreparedFrame, grid_px: int) -> tuple[int, int]:
+    """Rows and columns of the flow's grid, cells of ``grid_px`` working-resolution pixels."""
+    rows, columns = frame.gray.shape
+    return max(1, round(rows / grid_px)), max(1, round(columns / grid_px))
