@@ -12,7 +12,7 @@ export AMENT_PREFIX_PATH := $(VIRTUAL_ENV)
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 export ROS_HOME ?= $(CURDIR)/$(VENV)/ros_home
 
-.PHONY: setup demo test test-timing test-extras test-jazzy check-aarch64 lint bench clean
+.PHONY: setup demo test test-timing test-extras test-jazzy check-aarch64 reliability lint bench clean
 
 setup: $(STAMP)
 
@@ -39,6 +39,10 @@ test: lint
 # What measures time (latency, rates, drops at a rate) needs a machine with nothing else to do.
 test-timing: $(STAMP)
 	$(BIN)/python -m pytest -m timing $(PYTEST_ARGS)
+
+# Runs the tests that show a row of docs/reliability.md and writes the page. Needs a machine with nothing else to do.
+reliability: $(STAMP)
+	$(BIN)/python -m pytest --reliability docs/reliability.md $$(grep -rl "shown(" test --include='test_*.py')
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -30,6 +30,7 @@ _COMMANDS = {
     'replay': ('cli.replay', 'recordings through the detector, offline'),
     'evaluate': ('cli.evaluate', 'detections against ground truth'),
     'inspect': ('cli.inspect', 'what a bag holds and what of it is damaged'),
+    'selftest': ('cli.selftest', 'whether this machine and installation will do: transport, clock, kernels, a flight'),
     'bench': ('benchmarks.bench', 'time per stage, and from image to detections'),
 }
 

@@ -72,6 +72,7 @@ def test_stage_warns_while_it_drops_and_recovers(peer, start):
     def overloaded() -> bool:
         nonlocal sent
         for image in images:
+            image.header.stamp.sec += 2
             publisher.publish(image)
         sent += len(images)
         return any(level == WARN and 'dropped since the last report' in text for level, text in health.reports)
@@ -87,6 +88,7 @@ def test_stage_warns_while_it_drops_and_recovers(peer, start):
     assert stamp_ns(answers[-1].header) == stamp_ns(images[-1].header)  # the newest image is never the one dropped
 
     def calm() -> bool:
+        images[-1].header.stamp.sec += 1
         publisher.publish(images[-1])
         answered = len(answers) + 1
         return peer.until(lambda: len(answers) == answered) and health.reports[-1][0] == OK

@@ -1,0 +1,60 @@
+#!/usr/bin/env python3
+"""Stops the vehicle while the detector does not work: passes cmd_vel_in on to cmd_vel, or zero with the reason.
+
+    python3 examples/watchdog.py --ros-args -p stages:=/pipeline
+
+"stages" names the nodes that must be well, separated by commas: /pipeline, or
+/ego_motion,/optical_flow,/art2_clustering. Zero is sent at 20 Hz, as whoever drives forgets old commands.
+"""
+
+from __future__ import annotations
+
+import rclpy
+from geometry_msgs.msg import Twist
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+
+from motion_detect_ros.bridge.watchdog import Watchdog
+
+PERIOD_S = 0.05
+
+
+class Guard(Node):
+    """Lets commands pass only while the watchdog has nothing to say."""
+
+    def __init__(self) -> None:
+        super().__init__('watchdog')
+        stages = str(self.declare_parameter('stages', '/pipeline').value)
+        silence_s = float(self.declare_parameter('detections_s', 0.5).value)
+        self._watchdog = Watchdog(self, [name.strip() for name in stages.split(',')], silence_s)
+        self._trouble = ''
+        self._commands = self.create_publisher(Twist, 'cmd_vel', 1)
+        self.create_subscription(Twist, 'cmd_vel_in', self._on_command, 1)
+        self.create_timer(PERIOD_S, self._check)
+
+    def _check(self) -> None:
+        trouble = self._watchdog.trouble()
+        if trouble:
+            self._commands.publish(Twist())
+        if trouble != self._trouble:
+            self.get_logger().warning(f'stop: {trouble}' if trouble else 'drive on')
+            self._trouble = trouble
+
+    def _on_command(self, command: Twist) -> None:
+        if not self._watchdog.trouble():
+            self._commands.publish(command)
+
+
+def main() -> None:
+    """Runs until SIGINT or SIGTERM."""
+    rclpy.init()
+    try:
+        rclpy.spin(Guard())
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        rclpy.try_shutdown()
+
+
+if __name__ == '__main__':
+    main()
