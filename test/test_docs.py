@@ -14,6 +14,7 @@ from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.core.types import DETECTION_DTYPE, EgoStatus, MotionModel
 from motion_detect_ros.presets import NODE_PARAMETERS
+from motion_detect_ros.sources.encoding import ENCODINGS
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / 'motion_detect_ros'
@@ -40,6 +41,12 @@ def test_topics_and_parameters():
     assert {'ego_motion', 'detections_2d', '~/markers', '/clock'} <= topics()
     assert topics() <= QUOTED
     assert NODE_PARAMETERS <= QUOTED
+
+
+def test_encodings_of_images():
+    section = PAGE[PAGE.index('`image_raw` is `sensor_msgs/Image`'):]
+    named = set(re.findall(r'\w+', section[:section.index('16-bit images')]))
+    assert {name for name in ENCODINGS if not name.startswith('bayer_')} <= named
 
 
 def test_fields():

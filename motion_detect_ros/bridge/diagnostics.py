@@ -167,7 +167,7 @@ class Reporter:
         self._name, self._hardware_id, self._stats = name, hardware_id, stats
         self._lock = threading.Lock()
         self._dropped = 0
-        self._level = DiagnosticStatus.OK
+        self._level = DiagnosticStatus.ERROR  # before the first report there is none to be worse than
 
     def worse(self, now_ns: int, condition: Condition) -> bool:
         """Whether a report made now would be of a higher level than the last one."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from motion_detect_ros.bridge.diagnostics import SILENT_S, Condition, silent
+from motion_detect_ros.bridge.diagnostics import Condition, silent
 from motion_detect_ros.bridge.images import camera_to_msg, header_of
 from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S
 from motion_detect_ros.bridge.params import declare_address, declare_simple
@@ -18,6 +18,8 @@ from motion_detect_ros.sources.secrets import masked, with_secret
 
 #: Longest wait for a picture before looking whether to stop, seconds.
 READ_TIMEOUT_S = 0.2
+#: A camera may take so long until its first picture, seconds.
+STARTING_S = 2.0
 
 
 class CameraNode(SourceNode):
@@ -78,7 +80,7 @@ class CameraNode(SourceNode):
         if idle.idle:
             return idle
         behind = 'slower than the camera' if self._capture.stats.behind else ''
-        starting = time.monotonic() - self._began_s < SILENT_S
+        starting = time.monotonic() - self._began_s < STARTING_S
         return Condition('' if starting else silent(self.stats.summary(time.monotonic_ns())), behind)
 
     def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:

@@ -216,6 +216,8 @@ def test_images_that_come_again_after_a_silence_begin_anew():
 def test_only_a_higher_level_is_worth_a_report_out_of_turn():
     stats = flowing(1.0)
     reporter = Reporter('/front/flow', 'flow', stats)
+    assert not reporter.worse(SECOND, Condition(concern='lags'))  # the first report has its turn
+    assert status(stats, 1.0, reporter=reporter).level == DiagnosticStatus.OK
     assert not reporter.worse(SECOND, Condition())
     assert reporter.worse(SECOND, Condition(concern='lags'))
     assert status(stats, 1.0, reporter=reporter, condition=Condition(concern='lags')).level == DiagnosticStatus.WARN

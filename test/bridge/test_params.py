@@ -107,7 +107,7 @@ def test_integers_are_taken_for_floats_and_texts_and_stay_what_was_declared(make
 def test_misspelt_names_are_found_known_ones_are_not(make_node: MakeNode):
     node = make_node(art2__vigilanse=0.3, bag='of another node', **{'qos_overrides./image_raw.publisher.depth': 3})
     declare_config(node)
-    assert unknown_parameters(node) == ('art2.vigilanse',)
+    assert unknown_parameters(node) == {'art2.vigilanse': 'art2.vigilance'}
 
 
 def test_node_parameters_know_their_choices_and_limits(make_node: MakeNode):
