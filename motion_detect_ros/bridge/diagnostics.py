@@ -228,7 +228,7 @@ def _judged(summary: Summary, condition: Condition, dropped: int) -> tuple[bytes
     lost = f'{dropped} dropped since the last report' if dropped else ''
     blind = _blind(summary, condition.waits, BLIND_WARN_S)
     silence = silent(summary)
-    unheard = condition.unheard if silence or condition.waits else ''
+    unheard = condition.unheard if silence or blind else ''
     trouble = ', '.join(filter(None, (lost, condition.concern, silence, unheard, blind)))
     if trouble:
         return DiagnosticStatus.WARN, trouble

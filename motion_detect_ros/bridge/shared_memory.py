@@ -21,9 +21,11 @@ def remove_dead_segments(folder: Path = FOLDER) -> int:
     The lock of a file is that of its process, whatever program it runs and in whichever container; those of other
     users are left alone. Ports are left too: they hold a few kB and Fast DDS uses them again.
     """
-    if not folder.is_dir():
+    try:
+        locks = [path for path in folder.iterdir() if _LOCK.fullmatch(path.name)]
+    except OSError:  # no such folder on this system, or not for us
         return 0
-    return sum(_remove_if_dead(path) for path in folder.iterdir() if _LOCK.fullmatch(path.name))
+    return sum(map(_remove_if_dead, locks))
 
 
 def _remove_if_dead(lock: Path) -> bool:
