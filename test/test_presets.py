@@ -29,8 +29,8 @@ def test_presets_hold_known_parameters_only(name):
 def test_every_parameter_that_a_node_declares_may_stand_in_a_preset():
     package = find_config('default.yaml').parent.parent / 'motion_detect_ros'
     sources = '\n'.join(path.read_text() for folder in ('nodes', 'bridge') for path in (package / folder).glob('*.py'))
-    declared = set(re.findall(r"declare_simple\(\s*self, '(\w+)'", sources))
-    assert {'bag', 'image_reliability', 'queue_size', 'source'} <= declared
+    declared = set(re.findall(r"declare_(?:simple|address)\(\s*(?:self|node), '(\w+)'", sources))
+    assert {'bag', 'image_reliability', 'queue_size', 'source', 'first_id'} <= declared
     assert declared | {'use_sim_time'} == NODE_PARAMETERS
 
 
