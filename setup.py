@@ -19,7 +19,7 @@ setup(
     install_requires=[
         'setuptools',
         'apsw>=3.40',
-        'mcap>=1.1',
+        'mcap>=1.2.1',
         'numba>=0.59',
         'numpy>=1.26',
         'opencv-python-headless>=4.6',
