@@ -5,7 +5,9 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 EXTRAS := .venv-extras
 JAZZY := .venv-jazzy
-PYTHON_JAZZY ?= python3.12
+# A python3.12 that really runs: a shim of pyenv does not where another version is selected, so its versions are tried too.
+PYTHON_JAZZY ?= $(shell for python in python3.12 "$$(pyenv root 2>/dev/null)"/versions/3.12.*/bin/python3.12; do \
+  "$$python" -c 'import ensurepip, venv' 2>/dev/null && { echo "$$python"; break; }; done)
 
 export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 export AMENT_PREFIX_PATH := $(VIRTUAL_ENV)
@@ -74,8 +76,8 @@ test-jazzy: $(JAZZY)/.ready
 	$(JAZZY)/bin/python -m pytest -p no:cacheprovider -m "not timing" test/core test/sources test/bridge test/cli test/nodes test/faults test/examples
 
 $(JAZZY)/.ready: requirements-jazzy.lock
-	@$(PYTHON_JAZZY) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 12))' || \
-	  { echo "motion_detect_ros: expected Python 3.12 as $(PYTHON_JAZZY); set PYTHON_JAZZY=" >&2; exit 2; }
+	@test "$$($(or $(PYTHON_JAZZY),false) --version 2>/dev/null | cut -d. -f1,2)" = 'Python 3.12' || \
+	  { echo "motion_detect_ros: expected Python 3.12 with venv, got $(or $(PYTHON_JAZZY),none); set PYTHON_JAZZY=" >&2; exit 2; }
 	$(PYTHON_JAZZY) -m venv $(JAZZY)
 	$(JAZZY)/bin/pip install --quiet --disable-pip-version-check -r requirements-jazzy.lock
 	@touch $@

@@ -1,23 +1,25 @@
 """Camera and detector: four nodes, or everything after the camera in one process."""
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from motion_detect_ros.bridge.transport import environment
-from motion_detect_ros.presets import find_config
+from motion_detect_ros.bridge.transport import additional_environment
+from motion_detect_ros.launching import STAGES, end_with, existing, flag, parameter_file, text
+from motion_detect_ros.sources.address import is_address
 
 ARGUMENTS = (
     ('namespace', '', 'namespace of all nodes'),
     ('use_sim_time', 'false', 'take time from /clock'),
-    ('params_file', 'default', 'preset (default, visdrone, kitti, report) or full path of a parameter file'),
+    ('params_file', 'default', 'preset (default, visdrone, kitti, report) or path of a parameter file'),
     ('autostart', 'true', 'configure and activate the nodes at start'),
     ('log_level', 'info', 'debug, info, warn, error'),
     ('use_respawn', 'false', 'start a node again that has ended'),
     ('mode', 'nodes', 'nodes: one process a stage; pipeline: all stages in one process'),
     ('camera', 'true', 'start the camera node; false: another driver publishes the images'),
-    ('source', '0', 'what the camera node reads: number, file, folder or address'),
+    ('source', '0', 'what the camera node reads: number, file, folder or address; the launch ends with a file'),
+    ('frame_id', 'camera_optical_frame', 'frame_id that the camera node gives its images'),
     ('image_topic', 'image_raw', 'topic of the images'),
     ('camera_info_topic', 'camera_info', 'topic of the calibration'),
     ('image_reliability', 'reliable', 'reliable or best_effort, as the camera driver publishes'),
@@ -26,42 +28,51 @@ ARGUMENTS = (
     ('overlay', 'true', 'start the overlay node'),
     ('cpus', '', 'cores that the nodes may run on, as taskset takes them (0,1 or 0-3); empty = all'),
 )
-STAGES = ('ego_motion', 'optical_flow', 'art2_clustering')
+CHOICES = {'mode': list(STAGES), 'image_reliability': ['reliable', 'best_effort']}
 
 
 def describe(context):
     """Nodes for the arguments that were given."""
     value = {name: LaunchConfiguration(name).perform(context) for name, _, _ in ARGUMENTS}
-    file = value['params_file']
-    file = file if file.endswith(('.yaml', '.yml')) else str(find_config(f'{file}.yaml'))
-    common = {'autostart': value['autostart'] == 'true', 'use_sim_time': value['use_sim_time'] == 'true'}
-    images = {**common, 'image_reliability': value['image_reliability'], 'compressed': value['compressed'] == 'true'}
-    stage = {**images, 'rectified': value['rectified'] == 'true'}
+    file = parameter_file(value['params_file'])
+    common = {'autostart': flag('autostart', value['autostart']),
+              'use_sim_time': flag('use_sim_time', value['use_sim_time'])}
+    images = {**common, 'image_reliability': value['image_reliability'],
+              'compressed': flag('compressed', value['compressed'])}
+    stage = {**images, 'rectified': flag('rectified', value['rectified'])}
+    stages = STAGES[value['mode']]
+    respawn = flag('use_respawn', value['use_respawn'])
 
     topics = [('image_raw', value['image_topic']), ('image_raw/compressed', f'{value["image_topic"]}/compressed'),
               ('camera_info', value['camera_info_topic'])]
 
-    def node(name, parameters):
+    def node(name, parameters, **options):
         return Node(
             package='motion_detect_ros', executable=name, name=name, namespace=value['namespace'], output='screen',
             parameters=[file, parameters], remappings=topics,
             arguments=['--ros-args', '--log-level', value['log_level']],
             prefix=f'taskset --cpu-list {value["cpus"]}' if value['cpus'] else None,
-            respawn=value['use_respawn'] == 'true', respawn_delay=2.0)
+            additional_env=additional_environment(),
+            **{'respawn': respawn, 'respawn_delay': 2.0, **options})
 
-    nodes = [node(name, stage) for name in (STAGES if value['mode'] == 'nodes' else ('pipeline',))]
-    if value['camera'] == 'true':
-        nodes.append(node('camera', {**common, 'source': value['source']}))
-    if value['overlay'] == 'true':
+    nodes = [node(name, stage) for name in stages]
+    if flag('camera', value['camera']):
+        camera = {**common, 'source': text(value['source']), 'frame_id': text(value['frame_id'])}
+        if is_address(value['source']):
+            nodes.append(node('camera', camera))
+        else:  # a file is over once, and its start would be lost while the stages warm up
+            existing('source', value['source'])
+            nodes.append(node('camera', {**camera, 'wait_for_nodes': text(','.join(stages))},
+                              respawn=False, on_exit=end_with))
+    if flag('overlay', value['overlay']):
         nodes.append(node('overlay', images))
     return nodes
 
 
 def generate_launch_description():
-    """Arguments, transport environment, nodes."""
-    ours = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'MALLOC_MMAP_THRESHOLD_', 'MALLOC_TRIM_THRESHOLD_', 'MALLOC_TOP_PAD_')
+    """Arguments, nodes."""
     return LaunchDescription([
-        *(DeclareLaunchArgument(name, default_value=default, description=text) for name, default, text in ARGUMENTS),
-        *(SetEnvironmentVariable(name, environment()[name]) for name in ours),
+        *(DeclareLaunchArgument(name, default_value=default, description=meaning, choices=CHOICES.get(name))
+          for name, default, meaning in ARGUMENTS),
         OpaqueFunction(function=describe),
     ])

@@ -3,14 +3,16 @@
 from pathlib import Path
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, Shutdown
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import LaunchConfiguration, PythonExpression
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
+
+from motion_detect_ros.bridge.transport import additional_environment
+from motion_detect_ros.launching import STAGES, end_with, existing, flag, number, text
 
 OWN = (
-    ('bag', '', 'MCAP or db3 file'),
+    ('bag', None, 'MCAP or db3 file, or a folder that holds one'),
     ('rate', '1.0', 'speed against the recording'),
     ('loop', 'false', 'start again at the end'),
     ('topics', '', 'topics to play, separated by commas; empty = all'),
@@ -18,22 +20,29 @@ OWN = (
 )
 
 
+def describe(context):
+    """The player, which ends it all when the bag is over."""
+    names = ('mode', 'namespace', *(name for name, _, _ in OWN))
+    value = {name: LaunchConfiguration(name).perform(context) for name in names}
+    # The stages take different times to warm up; a player that does not wait for all of them loses the first images.
+    parameters = {
+        'bag': text(existing('bag', value['bag'])), 'rate': number('rate', value['rate']),
+        'loop': flag('loop', value['loop']), 'topics': text(value['topics']), 'clock': flag('clock', value['clock']),
+        'wait_for_nodes': text(','.join(STAGES[value['mode']]))}
+    return [Node(
+        package='motion_detect_ros', executable='bag_player', name='bag_player', output='screen',
+        namespace=value['namespace'], parameters=[parameters], additional_env=additional_environment(),
+        on_exit=end_with)]
+
+
 def generate_launch_description():
-    """The detector without camera, and a player that ends it all when the bag is over."""
+    """The detector without camera, and the player."""
     detector = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(str(Path(__file__).with_name('motion_detect.launch.py'))),
         launch_arguments={'camera': 'false', 'use_sim_time': 'true'}.items())
-    # The stages take different times to warm up; a player that does not wait for all of them loses the first images.
-    stages = PythonExpression(["3 if '", LaunchConfiguration('mode'), "' == 'nodes' else 1"])
-    given = {'bag': str, 'rate': float, 'loop': bool, 'topics': str, 'clock': bool}
-    parameters = {name: ParameterValue(LaunchConfiguration(name), value_type=kind) for name, kind in given.items()}
-    parameters['wait_for_subscribers'] = ParameterValue(stages, value_type=int)
-    player = Node(
-        package='motion_detect_ros', executable='bag_player', name='bag_player', output='screen',
-        namespace=LaunchConfiguration('namespace'), parameters=[parameters],
-        on_exit=Shutdown(reason='the bag is over'))
     return LaunchDescription([
-        *(DeclareLaunchArgument(name, default_value=default, description=text) for name, default, text in OWN),
+        *(DeclareLaunchArgument(name, default_value=default, description=meaning)
+          for name, default, meaning in OWN),
         detector,
-        player,
+        OpaqueFunction(function=describe),
     ])

@@ -17,9 +17,10 @@ from motion_detect_ros.core.settings import with_settings
 PACKAGE = 'motion_detect_ros'
 #: Parameters of the nodes that are no settings of the perception core; a preset may hold them, offline skips them.
 NODE_PARAMETERS = frozenset({
-    'autostart', 'bag', 'clock', 'compressed', 'decimation_keep', 'decimation_of', 'first_id', 'fps',
-    'frame_id', 'image_reliability', 'loop', 'queue_size', 'rate', 'realtime', 'rectified', 'reorder_s', 'source',
-    'source_secret_file', 'stamp_missing', 'topics', 'use_sim_time', 'wait_for_subscribers',
+    'autostart', 'bag', 'box_distance_m', 'camera_info_url', 'clock', 'compressed', 'decimation_keep',
+    'decimation_of', 'first_id', 'fps', 'frame_id', 'image_reliability', 'loop', 'position_s', 'queue_size', 'rate',
+    'realtime', 'rectified', 'reorder_s', 'source', 'source_secret_file', 'stamp_missing',
+    'start_type_description_service', 'topics', 'use_sim_time', 'wait_for_nodes', 'wait_for_subscribers',
 })
 
 
@@ -55,7 +56,7 @@ def load_preset(name_or_path: str | Path) -> PipelineConfig:
 
     Raises: ConfigError, one line, for an unknown preset, an unreadable file, an unknown key or a wrong value.
     """
-    path = _path_of(str(name_or_path))
+    path = preset_path(str(name_or_path))
     try:
         values = read_parameters(path)
         return with_settings(PipelineConfig(), {
@@ -86,7 +87,8 @@ def read_parameters(path: Path) -> dict[str, Any]:
     return merged
 
 
-def _path_of(name: str) -> Path:
+def preset_path(name: str) -> Path:
+    """The file of a shipped preset (by its name), or the given file. Raises: ConfigError where there is none."""
     if name.endswith(('.yaml', '.yml')) or os.sep in name:
         if not Path(name).is_file():
             raise ConfigError(f'{name}: expected a parameter file, found none')

@@ -55,7 +55,7 @@ def test_fields():
         assert f'{each.value} {each.name.lower().replace("_", " ")}' in PAGE
 
 
-@pytest.mark.parametrize('name', ['motion_detect.launch.py', 'replay.launch.py'])
+@pytest.mark.parametrize('name', ['motion_detect.launch.py', 'replay.launch.py', 'cameras.launch.py'])
 def test_launch_arguments_and_their_defaults(name: str):
     section = PAGE[PAGE.index('## Launch files'):]
     assert launch_arguments(name)

@@ -126,6 +126,8 @@ def imported_packages(*folders: str) -> set[str]:
                 names |= {alias.name.split('.')[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.module:
                 names.add(node.module.split('.')[0])
+            elif isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'import_module':
+                names |= {str(word.value).split('.')[0] for word in node.args if isinstance(word, ast.Constant)}
     return names - sys.stdlib_module_names - {PACKAGE}
 
 

@@ -15,11 +15,12 @@ from rclpy.qos import QoSProfile, qos_policy_name_from_kind
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
+from motion_detect_ros.bridge.console import endpoints
 from motion_detect_ros.bridge.diagnostics import Condition, Reporter, StageStats
-from motion_detect_ros.bridge.params import declare_simple
+from motion_detect_ros.bridge.params import LiveParameters, declare_simple, unknown_parameters
 from motion_detect_ros.bridge.qos import diagnostics_qos, incompatibility, overridable
-from motion_detect_ros.core.errors import MotionDetectError, SourceError
-from motion_detect_ros.sources.secrets import masked
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.sources.secrets import reason_of
 
 DIAGNOSTICS_PERIOD_S = 1.0
 #: How often the node looks whether things have become worse, which is reported at once, seconds.
@@ -34,22 +35,25 @@ class ManagedNode(LifecycleNode):
     """A lifecycle node that starts by itself unless ``autostart`` is false.
 
     A subclass overrides ``open`` (resources, warm-up), ``begin`` (subscriptions, timers, threads), ``end`` and
-    ``reset``. ``finished`` ends the process with ``exit_code`` when it is set.
+    ``reset``. While ``opening`` is true ``open`` runs, which may be interrupted at any point. ``finished`` ends the
+    process with ``exit_code`` when it is set.
     """
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
+        self.live = LiveParameters(self)
         self.stats = StageStats()
         self.finished: Future = Future()
         self.exit_code = 0
-        self._failure = ''
+        self._failure = self._opened = ''
         self._starting = False
         self._autostart = bool(declare_simple(self, 'autostart', True, 'configure and activate at start'))
         self._subscriptions_made: list[Any] = []
         #: Topic -> why messages of a publisher of it do not arrive.
         self.incompatible: dict[str, str] = {}
         self._publishers_made: list[LifecyclePublisher] = []
-        self._configured = False
+        self.configured = False
+        self.opening = False
         self.active = False
         self._reporter = Reporter(self.get_fully_qualified_name(), self.get_name(), self.stats)
         self._reports = self.create_publisher(DiagnosticArray, '/diagnostics', diagnostics_qos())
@@ -114,6 +118,15 @@ class ManagedNode(LifecycleNode):
             kind, name, callback, quality, event_callbacks=SubscriptionEventCallbacks(incompatible_qos=on_incompatible),
             **options))
 
+    def serve(self, name: str, action: Callable[[], str]) -> None:
+        """A service without arguments that runs ``action`` in the executor and answers with its words."""
+        def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            response.success, response.message = True, action()
+            return response
+
+        self.create_service(Trigger, name, answer)
+
+
     def unsubscribe(self) -> None:
         """End all subscriptions made by ``subscribe``."""
         self.incompatible.clear()
@@ -132,9 +145,19 @@ class ManagedNode(LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle: inactive from now on."""
+        start_s = time.monotonic()
+        for name in unknown_parameters(self):
+            self.get_logger().warning(f'parameter {name} is unknown and has no effect')
+        self.opening = True
         result = self._attempt(self.open)
-        self._configured = result == TransitionCallbackReturn.SUCCESS
-        return super().on_configure(state) if self._configured else result
+        self.opening = False
+        self.configured = result == TransitionCallbackReturn.SUCCESS
+        if not self.configured:
+            return result
+        self._opened = f'configured in {time.monotonic() - start_s:.1f} s'
+        if not self._starting:
+            self.get_logger().info(self._opened)
+        return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle: working from now on."""
@@ -143,6 +166,10 @@ class ManagedNode(LifecycleNode):
         self.active = result == TransitionCallbackReturn.SUCCESS
         if not self.active:
             self._leave()
+            return result
+        how = f'{self._opened}, ' if self._starting else ''
+        self.get_logger().info(f'{how}active: subscribes to {endpoints(self._subscriptions_made)}; '
+                               f'publishes {endpoints(self._publishers_made)}')
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -153,7 +180,7 @@ class ManagedNode(LifecycleNode):
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle: as if just made."""
         result = super().on_cleanup(state)
-        self._configured = False
+        self.configured = False
         while self._publishers_made:
             self.destroy_lifecycle_publisher(self._publishers_made.pop())
         return result
@@ -161,7 +188,7 @@ class ManagedNode(LifecycleNode):
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle: over; the process ends as soon as who requested it has the answer."""
         self._leave()
-        self._configured = False
+        self.configured = False
         self.every(SHUTDOWN_LINGER_S, self._finish)
         return super().on_shutdown(state)
 
@@ -206,10 +233,10 @@ class ManagedNode(LifecycleNode):
         return self.condition() if self.active else Condition(idle='inactive')
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._configured:
+        if self.configured:
             self.reset()
-        response.success = self._configured
-        response.message = 'history cleared' if self._configured else 'expected a configured node, nothing to clear'
+        response.success = self.configured
+        response.message = 'history cleared' if self.configured else 'expected a configured node, nothing to clear'
         return response
 
 
@@ -234,8 +261,3 @@ def refuse_impossible_transitions(node: LifecycleNode) -> None:
         return response
 
     service.callback = checked
-
-
-def reason_of(error: Exception) -> str:
-    """What a user can do something with, without credentials: our own messages, others with the name of their class."""
-    return masked(str(error) if isinstance(error, MotionDetectError) else f'{type(error).__name__}: {error}')

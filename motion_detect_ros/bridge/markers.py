@@ -1,4 +1,4 @@
-"""Detections as rays in the optical frame, for RViz and Foxglove."""
+"""Detections as rays and boxes in the optical frame, for RViz and Foxglove."""
 
 from __future__ import annotations
 
@@ -6,43 +6,70 @@ import math
 from typing import Any
 
 import numpy as np
+from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point, Vector3
+from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from motion_detect_ros.core.drawing import color_of
-from motion_detect_ros.core.types import RecordArray
+from motion_detect_ros.core.geometry.bearings import PIXEL_CENTRE
+from motion_detect_ros.core.geometry.distortion import undistorted
+from motion_detect_ros.core.types import CameraModel, RecordArray
+from motion_detect_ros.sources.camera_info import camera_of
 
-RAYS, LABELS = 'bearing', 'label'
+RAYS, LABELS, BOXES = 'bearing', 'label', 'box'
 #: A camera tells directions, not distances: rays end at this length, metres.
 LENGTH_M = 1.0
 #: Shaft diameter, head diameter, head length; height of the text; how far behind the tip it stands, metres.
 ARROW_M = (0.015, 0.04, 0.08)
 TEXT_M = 0.06
 TEXT_AT_M = 1.08
+#: Width of the lines of a box, share of its distance.
+LINE_SHARE = 0.003
+#: A marker that nobody renews or deletes vanishes after this, seconds.
+LIFETIME_S = 2
 #: Marker ids are int32.
 ID_MASK = 0x7FFFFFFF
 
 
 class MarkerWriter:
-    """Remembers which objects are shown, so that those that vanish are deleted."""
+    """Remembers which objects are shown, so that those that vanish are deleted.
 
-    def __init__(self) -> None:
+    box_distance_m: where boxes are drawn besides, as a camera tells no distance; 0 = no boxes.
+    """
+
+    def __init__(self, box_distance_m: float = 0.0) -> None:
         self._shown: frozenset[int] = frozenset()
+        self._camera: CameraModel | None = None
+        self._box_distance_m = box_distance_m
+
+    def use_camera(self, info: CameraInfo) -> None:
+        """The calibration of the images, which boxes need."""
+        self._camera = camera_of(info)
 
     def message(self, records: RecordArray, header: Header) -> MarkerArray:
-        """An arrow along the bearing and a label (id, time to contact where known) for every object.
+        """An arrow along the bearing, a label (id, time to contact where known) and a box for every object.
 
         records: dtype ``DETECTION_DTYPE``; those without a bearing (uncalibrated camera) are left out. header: of the
         image they were seen in; the rays start at the origin of its frame, which is the optical one.
         """
         seen = [record for record in records if np.isfinite(_ray(record)).all()]
         ids = frozenset(_id(record) for record in seen)
-        markers = [marker for record in seen for marker in (_arrow(record, header), _label(record, header))]
+        markers = [marker for record in seen for marker in (
+            _arrow(record, header), _label(record, header), *self._boxes(record, header))]
         for gone in sorted(self._shown - ids):
-            markers += [Marker(header=header, ns=name, id=gone, action=Marker.DELETE) for name in (RAYS, LABELS)]
+            markers += [Marker(header=header, ns=name, id=gone, action=Marker.DELETE) for name in self._names()]
         self._shown = ids
         return MarkerArray(markers=markers)
+
+    def _names(self) -> tuple[str, ...]:
+        return (RAYS, LABELS, BOXES) if self._box_distance_m else (RAYS, LABELS)
+
+    def _boxes(self, record: Any, header: Header) -> list[Marker]:
+        if self._camera is None or not self._box_distance_m:
+            return []
+        return [_box(record, header, self._camera, self._box_distance_m)]
 
     def clear(self) -> None:
         """Nobody holds any marker."""
@@ -70,13 +97,26 @@ def _color(record: Any) -> ColorRGBA:
 def _arrow(record: Any, header: Header) -> Marker:
     shaft, head, length = ARROW_M
     return Marker(header=header, ns=RAYS, id=_id(record), type=Marker.ARROW, action=Marker.ADD, color=_color(record),
-                  scale=Vector3(x=shaft, y=head, z=length), points=[Point(), _at(record, LENGTH_M)])
+                  scale=Vector3(x=shaft, y=head, z=length), points=[Point(), _at(record, LENGTH_M)],
+                  lifetime=Duration(sec=LIFETIME_S))
+
+
+def _box(record: Any, header: Header, camera: CameraModel, distance_m: float) -> Marker:
+    """The outline of the box on a plane across the optical axis."""
+    right, down = record['width'] / 2.0, record['height'] / 2.0
+    corners = [(record['u'] + x * right - PIXEL_CENTRE, record['v'] + y * down - PIXEL_CENTRE)
+               for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))]
+    points = [Point(x=float(x) * distance_m, y=float(y) * distance_m, z=distance_m)
+              for x, y in undistorted(np.array(corners), camera)]
+    return Marker(header=header, ns=BOXES, id=_id(record), type=Marker.LINE_STRIP, action=Marker.ADD,
+                  color=_color(record), scale=Vector3(x=LINE_SHARE * distance_m), points=points,
+                  lifetime=Duration(sec=LIFETIME_S))
 
 
 def _label(record: Any, header: Header) -> Marker:
     ttc_s = float(record['ttc'])
     text = f'{int(record["id"])}' + (f': {ttc_s:.1f} s' if math.isfinite(ttc_s) else '')
     marker = Marker(header=header, ns=LABELS, id=_id(record), type=Marker.TEXT_VIEW_FACING, action=Marker.ADD,
-                    color=_color(record), scale=Vector3(z=TEXT_M), text=text)
+                    color=_color(record), scale=Vector3(z=TEXT_M), text=text, lifetime=Duration(sec=LIFETIME_S))
     marker.pose.position = _at(record, TEXT_AT_M)
     return marker

@@ -30,8 +30,12 @@ ENDING_TIMEOUT_S = 20.0
 PATIENT_SIGNALS = 2
 
 
+class Stopped(BaseException):
+    """SIGINT or SIGTERM while a node is made or opened, which may take minutes."""
+
+
 class StopRequest:
-    """Notes SIGINT and SIGTERM instead of raising in the middle of whatever runs, be it a compiler or the end.
+    """Notes SIGINT and SIGTERM; raises Stopped, once, where ``armed`` while a node is made or opened.
 
     rclpy handles the signal first and ends its context, which ends the spinning. A second one changes nothing, a third
     ends the process at once with code FORCED.
@@ -39,6 +43,8 @@ class StopRequest:
 
     def __init__(self) -> None:
         self._count = 0
+        self.node: ManagedNode | None = None
+        self.armed = False
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._note)
 
@@ -46,6 +52,9 @@ class StopRequest:
         self._count += 1
         if self._count > PATIENT_SIGNALS:
             os._exit(FORCED)
+        if self.armed and (self.node is None or self.node.opening):
+            self.armed = False
+            raise Stopped
 
     @property
     def made(self) -> bool:
@@ -61,13 +70,23 @@ def run(make_node: Callable[[], ManagedNode]) -> int:
     """
     tune_malloc()
     stop = StopRequest()
-    node: ManagedNode | None = None
+    try:
+        stop.armed = True
+        return _run(make_node, stop)
+    except Stopped:
+        return 0
+    finally:
+        stop.armed = False
+        _finish(stop.node)
+
+
+def _run(make_node: Callable[[], ManagedNode], stop: StopRequest) -> int:
     try:
         remove_dead_segments()
         rclpy.init()
         if stop.made:
             return 0
-        node = make_node()
+        node = stop.node = make_node()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         node.start()
@@ -79,11 +98,10 @@ def run(make_node: Callable[[], ManagedNode]) -> int:
         if stop.made:
             return 0
         # Before there is a node, these are rclpy's words for wrong --ros-args and wrong values of its own parameters.
-        if isinstance(error, MotionDetectError) or (isinstance(error, RuntimeError | ParameterException) and not node):
+        if isinstance(error, MotionDetectError) or (
+                isinstance(error, RuntimeError | ParameterException) and stop.node is None):
             return _complain(error)
         raise
-    finally:
-        _finish(node)
 
 
 def main_of(make_node: Callable[[], ManagedNode]) -> Callable[[], None]:

@@ -7,13 +7,18 @@ from collections.abc import Iterable, Iterator
 from importlib import import_module
 from typing import Any
 
+from rclpy.qos import QoSProfile
+
+from motion_detect_ros.bridge.qos import image_qos, imu_qos, latched_qos, record_qos
 from motion_detect_ros.core.errors import MessageError
 from motion_detect_ros.core.types import NANOSECONDS
-from motion_detect_ros.sources.raw import RawMessage
+from motion_detect_ros.sources.raw import RawMessage, TopicInfo
 
 #: Types whose first field is a std_msgs/Header: its stamp stands at byte 4 of the serialised message.
 IMAGE_TYPES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
 IMU_TYPE = 'sensor_msgs/msg/Imu'
+#: Published once and kept for late subscribers.
+STATIC_TRANSFORMS = 'tf_static'
 
 
 def message_class(name: str) -> Any:
@@ -46,3 +51,17 @@ def with_clock(messages: Iterable[RawMessage]) -> Iterator[tuple[int, RawMessage
     for message in messages:
         clock_ns = max(clock_ns, message.log_stamp_ns)
         yield clock_ns, message
+
+
+def is_static(topic: str) -> bool:
+    """Whether its messages hold from then on, for those who come late too."""
+    return topic.rpartition('/')[2] == STATIC_TRANSFORMS
+
+
+def quality_of(topic: TopicInfo) -> QoSProfile:
+    """What a player offers for a recorded topic."""
+    if is_static(topic.name):
+        return latched_qos()
+    if topic.msgtype == IMU_TYPE:
+        return imu_qos()
+    return image_qos() if topic.msgtype in IMAGE_TYPES else record_qos()

@@ -5,9 +5,9 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from rclpy.duration import Duration
 
@@ -44,6 +44,11 @@ class SourceNode(ManagedNode):
         self._waiting = ''
         self._wait_for = int(declare_simple(
             self, 'wait_for_subscribers', 0, 'subscribers that an image topic must have before the start', 0, 100))
+        names = str(declare_simple(
+            self, 'wait_for_nodes', '', 'nodes that must subscribe to images before the start, separated by commas'))
+        namespace = self.get_namespace().rstrip('/')
+        self._wait_for_nodes = [name if name.startswith('/') else f'{namespace}/{name}'
+                                for name in (each.strip() for each in names.split(',')) if name]
 
     def prepare(self) -> None:
         """Open what ``produce`` reads. Raises: SourceError, and the node does not become active."""
@@ -52,21 +57,36 @@ class SourceNode(ManagedNode):
         """Publish until there is no more, or ``stopped`` is set. Overridden. Raises: SourceError."""
         raise NotImplementedError
 
-    def await_subscribers(self, count: Callable[[], int], followers: Callable[[], int] = lambda: 1) -> None:
-        """Returns once ``count()`` is what the user waits for, or when ``stopped``.
+    def await_subscribers(self, images: Sequence[Any], followers: Callable[[], int] = lambda: 1) -> None:
+        """Returns once the user's subscribers are there, or when ``stopped``.
 
-        ``followers``: subscribers of what goes along with the images; at least one gets FOLLOW_S to be found.
+        images: publishers of images, each of them will do; followers: number of subscribers of what goes along with
+        the images, at least one of which gets FOLLOW_S to be found.
         """
-        if not self._wait_for:
+        if not self._wait_for and not self._wait_for_nodes:
             return
-        while (found := count()) < self._wait_for and not self.stopped.wait(POLL_S):
-            self._waiting = f'waiting for {self._wait_for} subscribers of the images, {found} so far'
+        while (missing := self._missing(images)) and not self.stopped.wait(POLL_S):
+            self._waiting = f'waiting for {missing}'
             self.get_logger().info(self._waiting, throttle_duration_sec=WARNING_PERIOD_S, skip_first=True)
         self.stopped.wait(SETTLE_S)
         deadline = time.monotonic() + FOLLOW_S
         while not followers() and time.monotonic() < deadline and not self.stopped.wait(POLL_S):
             pass
         self._waiting = ''
+
+    def _missing(self, images: Sequence[Any]) -> str:
+        """Which subscribers are not there yet, in a few words."""
+        topics = [publisher.topic_name for publisher in images]
+        found = max((publisher.get_subscription_count() for publisher in images), default=0)
+        wanted = max(self._wait_for, len(self._wait_for_nodes))
+        if found < wanted and not self._wait_for_nodes:
+            return f'{wanted} subscribers of {" or ".join(topics)}, {found} so far'
+        there = {f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+                 for topic in topics for info in self.get_subscriptions_info_by_topic(topic)}
+        absent = [name for name in self._wait_for_nodes if name not in there]
+        if absent or found < wanted:
+            return f'{", ".join(absent or self._wait_for_nodes)} to subscribe to {" or ".join(topics)}'
+        return ''
 
     def condition(self) -> Condition:
         """Idle while it waits for subscribers."""

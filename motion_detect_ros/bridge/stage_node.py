@@ -14,22 +14,27 @@ from std_msgs.msg import Header
 
 from motion_detect_ros.bridge import transport
 from motion_detect_ros.bridge.calibration import Calibration
+from motion_detect_ros.bridge.console import ImageLog
 from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.gyro import GyroInput, Sink
 from motion_detect_ros.bridge.image_stream import ImageStream
 from motion_detect_ros.bridge.images import image_from_msg, stamp_ns
-from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode, reason_of
-from motion_detect_ros.bridge.params import declare_config, declare_simple, unknown_parameters
+from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode
+from motion_detect_ros.bridge.params import declare_config, declare_simple
 from motion_detect_ros.bridge.qos import image_qos, overridable
 from motion_detect_ros.bridge.sync import ExactJoin
-from motion_detect_ros.bridge.topics import CAMERA_INFO, COMPRESSED, IMAGE, Topic
+from motion_detect_ros.bridge.topics import CAMERA_INFO, COMPRESSED, FLOW, IMAGE, Topic
 from motion_detect_ros.bridge.worker import Worker
+from motion_detect_ros.core.compilation import compilation_told
 from motion_detect_ros.core.errors import MessageError, MotionDetectError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.pipeline import use_threads, warm_up
+from motion_detect_ros.core.reconfiguration import structural_changes
+from motion_detect_ros.core.settings import Scalar, settings, with_settings
 from motion_detect_ros.core.stamp_order import REORDER_S, Verdict
 from motion_detect_ros.core.types import CameraModel, EgoMotion
 from motion_detect_ros.sources.encoding import ImageDecoder
+from motion_detect_ros.sources.secrets import reason_of
 
 #: Images this large are lost between processes by stock Fast DDS, bytes.
 BIG_IMAGE_BYTES = 500_000
@@ -46,10 +51,14 @@ class StageNode(ManagedNode):
     inputs: tuple[Topic, ...] = ()
     #: Whether the stage has a use for the calibration.
     uses_camera = True
+    #: Beginnings of the names of the settings that the stage uses.
+    used: tuple[str, ...] = ('',)
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self.config = declare_config(self)
+        self.config = declare_config(self, self.used)
+        self._new_config = self.config
+        self.live.add([name for name, _, _ in settings(self.config)], self._take_settings, self._check_settings)
         self._reliability = str(declare_simple(
             self, 'image_reliability', 'reliable', 'reliability asked of image publishers',
             choices=('reliable', 'best_effort')))
@@ -90,19 +99,25 @@ class StageNode(ManagedNode):
     def use_camera(self, camera: CameraModel | None) -> None:
         """Another calibration is that of the images, or none any more. Overridden where a stage uses it."""
 
+    def use_config(self, restart: bool) -> None:
+        """``config`` has changed. restart: also what needs a stage without history. Overridden."""
+        raise NotImplementedError
+
     def gyro_sink(self) -> Sink | None:
         """Where angular rates go, for a stage that uses them. Overridden."""
         return None
 
     def open(self) -> None:
         """Warm kernels, publishers, stage."""
-        for name, known in unknown_parameters(self).items():
-            meant = f'; did you mean {known}?' if known else ''
-            self.get_logger().warning(f'parameter {name} is unknown and has no effect{meant}')
         use_threads(self.config.load)
-        warm_up(self.config)
+        with compilation_told(self._tell_compilation):
+            warm_up(self.config)
         self._camera_in_use = None
         self.make_stage()
+
+    def _tell_compilation(self, count: int) -> None:
+        self.get_logger().info(f'compiling kernel {count}; this takes a minute or two, once after an installation',
+                               throttle_duration_sec=WARNING_PERIOD_S)
 
     def begin(self) -> None:
         """Subscribe."""
@@ -113,13 +128,15 @@ class StageNode(ManagedNode):
         # A stage that joins what another made of each image needs neighbours; the first one may jump.
         self._worker = Worker(self._guarded, self._queue_size, self.stats.count_dropped, jumps=not self.inputs)
         quality = image_qos(self._reliability, SUBSCRIPTION_DEPTH)
+        self._images = ImageLog(self, self._image_topic.name, [FLOW.name])
         self._subscribe_input(self._image_topic, 'image', quality)
         for topic in self.inputs:
             self._subscribe_input(topic, topic.name, image_qos('reliable', SUBSCRIPTION_DEPTH))
         sink = self.gyro_sink() if self.config.imu.use else None
         self._gyro = GyroInput(self, sink, self.config.imu.time_offset_s) if sink else None
         if self.uses_camera:
-            self.subscribe(CAMERA_INFO.kind, CAMERA_INFO.name, self._on_camera, image_qos(self._reliability))
+            self.subscribe(CAMERA_INFO.kind, CAMERA_INFO.name, self._on_camera, image_qos(self._reliability),
+                           qos_overriding_options=overridable())
 
     def end(self) -> None:
         """Stop the thread."""
@@ -130,6 +147,7 @@ class StageNode(ManagedNode):
 
     def condition(self) -> Condition:
         """Images pile up, are lost on the way, or are stamped wrongly; nothing is received on imu though it is used."""
+        self._images.check()
         waiting = self._worker.waiting if self._worker else 0
         absent = self._join.absent()
         return Condition(
@@ -147,6 +165,25 @@ class StageNode(ManagedNode):
                   for verdict in Verdict if verdict != Verdict.NEXT)
         calibration = (('calibration', self._calibration.state),) if self.uses_camera else ()
         return (*self.latest, *self._stream.values(), *stamps, *calibration)
+
+    def _check_settings(self, values: dict[str, Scalar]) -> None:
+        """All of them together; new kernels are compiled here, not when the next image comes. Raises: ConfigError."""
+        self._new_config = with_settings(self.config, values)
+        if structural_changes(self.config, self._new_config):
+            warm_up(self._new_config)
+
+    def _take_settings(self, _: dict[str, Scalar]) -> None:
+        self.locked(self._change_config)
+
+    def _change_config(self) -> None:
+        structural = structural_changes(self.config, self._new_config)
+        self.config = self._new_config
+        self._decimation = FrameDecimation(self.config.load.decimation_keep, self.config.load.decimation_of)
+        if self.configured:
+            if structural:
+                self.get_logger().info(f'{", ".join(structural)} changed: history is cleared')
+                self._camera_in_use = None
+            self.use_config(bool(structural))
 
     def locked(self, action: Callable[[], None]) -> None:
         """Run something between two frames."""
@@ -180,6 +217,7 @@ class StageNode(ManagedNode):
     def _note_image(self, msg: Any, stamped: bool) -> None:
         now_ns, verdict = time.monotonic_ns(), self._join.verdict
         self.stats.count_received(now_ns)
+        self._images.arrived(msg)
         self._check_transport(msg)
         self._stream.add(verdict, stamp_ns(msg.header), now_ns, stamped=stamped)
         if not self._decimation.active or not verdict.usable:
@@ -229,9 +267,6 @@ class StageNode(ManagedNode):
     def _on_camera(self, msg: Any) -> None:
         # Only noted here: the stage takes it before the next image, the executor must not wait for the stage.
         self._calibration.note(msg)
-        if any(msg.d) and not self._rectified:
-            self.get_logger().warning('camera_info: distortion is ignored, bearings are off towards the edges; '
-                                      'rectify the images and set rectified:=true', once=True)
 
     def _update_camera(self, width: int, height: int) -> None:
         camera = self._calibration.for_image(width, height)

@@ -66,16 +66,16 @@ class TopicPublisher:
 
     def __init__(self, node: ManagedNode, topic: Topic) -> None:
         self._topic = topic
-        self._publisher = node.advertise(topic.kind, topic.name, topic.qos())
+        self.publisher = node.advertise(topic.kind, topic.name, topic.qos())
 
     def publish(self, value: Any, header: Header | None = None) -> None:
         """value: what the topic's ``to_msg`` takes; header: of the image it belongs to."""
-        self._publisher.publish(self._topic.to_msg(value, header))
+        self.publisher.publish(self._topic.to_msg(value, header))
 
     @property
     def subscribers(self) -> int:
         """How many subscriptions match it."""
-        return int(self._publisher.get_subscription_count())
+        return int(self.publisher.get_subscription_count())
 
 
 class DetectionPublisher:

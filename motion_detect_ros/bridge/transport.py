@@ -11,11 +11,16 @@ PROFILE_VARIABLE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 PROFILE_NAME = 'fastdds_profile.xml'
 
 
-def environment() -> dict[str, str]:
-    """The process environment with transport profile and allocator settings; the user's own values win."""
+def additional_environment() -> dict[str, str]:
+    """Transport profile and allocator settings, as far as the user has not set them."""
     ours = {PROFILE_VARIABLE: str(find_config(PROFILE_NAME)),
             **{name: str(value) for name, value in VARIABLES.items()}}
-    return {**ours, **os.environ}
+    return {name: value for name, value in ours.items() if name not in os.environ}
+
+
+def environment() -> dict[str, str]:
+    """The process environment with transport profile and allocator settings; the user's own values win."""
+    return {**additional_environment(), **os.environ}
 
 
 def use_here() -> None:

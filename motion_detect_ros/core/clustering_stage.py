@@ -43,14 +43,30 @@ class ClusteringStage:
         self, config: PipelineConfig, camera: CameraModel | None = None, clusterer: Clusterer | None = None,
         first_id: int = 1,
     ) -> None:
-        self._config = config
         self.camera = camera
+        self._clusterer = clusterer
+        self._tracker = Tracker(config.tracks, first_id)
+        self.restart(config)
+
+    def restart(self, config: PipelineConfig) -> None:
+        """Any settings, without any history; ids go on counting."""
+        self._config = config
         self._scene = BackgroundSelector(config.background)
-        self._detector = MotionDetector(config, clusterer)
+        self._detector = MotionDetector(config, self._clusterer)
         self._last_flow = LastFlow(config.optical_flow.every_s)
         self._trajectories = TrajectoryFinder(config) if config.trajectories.use else None
-        self._tracker = Tracker(config.tracks, first_id)
+        self._tracker.use_config(config.tracks)
+        self._tracker.reset()
         self._last: PreparedFrame | None = None
+
+    def use_config(self, config: PipelineConfig) -> None:
+        """Settings from the next frame on that keep history (``core.reconfiguration``)."""
+        self._config = config
+        self._scene.use_config(config.background)
+        self._detector.use_config(config)
+        if self._trajectories is not None:
+            self._trajectories.use_config(config)
+        self._tracker.use_config(config.tracks)
 
     @property
     def neurons(self) -> int:

@@ -15,6 +15,7 @@ from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
 from motion_detect_ros.core.geometry.frame_history import FrameHistory, ReferenceFrame
 from motion_detect_ros.core.optical_flow.stage import OpticalFlowStage
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
+from motion_detect_ros.core.reconfiguration import structural_changes
 from motion_detect_ros.core.types import (
     NANOSECONDS,
     CameraModel,
@@ -54,11 +55,14 @@ class MotionPipeline:
     ) -> None:
         """first_id: id of the first track."""
         self.config = config or PipelineConfig()
+        self._clustering = ClusteringStage(self.config, camera, first_id=first_id)
+        self._make_first_half(camera)
+
+    def _make_first_half(self, camera: CameraModel | None) -> None:
         self._preprocessor = Preprocessor(self.config.preprocessing)
         self._ego_motion = EgoMotionStage(self.config, camera)
         self._history = FrameHistory(self.config.optical_flow.baseline_s)
         self._optical_flow = OpticalFlowStage(self.config)
-        self._clustering = ClusteringStage(self.config, camera, first_id=first_id)
 
     @property
     def neurons(self) -> int:
@@ -111,6 +115,22 @@ class MotionPipeline:
         """Calibration from now on, None = unknown."""
         self._ego_motion.camera = camera
         self._clustering.camera = camera
+
+    def use_config(self, config: PipelineConfig) -> None:
+        """Other settings from the next frame on; all history is cleared where they differ in structural ones.
+
+        Raises: BackendError for what is not in this installation; what ``config`` was holds on.
+        """
+        structural = bool(structural_changes(self.config, config))
+        if structural:
+            MotionPipeline(config)  # raises before anything is changed
+        self.config = config
+        if structural:
+            self._make_first_half(self._ego_motion.camera)
+            self._clustering.restart(config)
+        else:
+            for stage in (self._ego_motion, self._optical_flow, self._clustering):
+                stage.use_config(config)
 
     def reset(self) -> None:
         """Clear every earlier frame, cluster and track; ids go on counting, none is used twice."""

@@ -64,7 +64,10 @@ class MotionModel(IntEnum):
 
 @dataclass(frozen=True)
 class CameraModel:
-    """A pinhole camera: focal lengths and principal point in pixels of a ``width`` x ``height`` image."""
+    """A camera: focal lengths and principal point in pixels of a ``width`` x ``height`` image, and its lens.
+
+    ``distortion``: coefficients as OpenCV takes them, none for a pinhole; ``fisheye``: those of the equidistant model.
+    """
 
     width: int
     height: int
@@ -72,6 +75,8 @@ class CameraModel:
     fy: float
     cx: float
     cy: float
+    distortion: tuple[float, ...] = ()
+    fisheye: bool = False
 
     @classmethod
     def of(cls, width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> CameraModel | None:
@@ -101,8 +106,8 @@ class CameraModel:
         if (width, height) == (self.width, self.height):
             return self
         across, down = width / self.width, height / self.height
-        return CameraModel(width, height, self.fx * across, self.fy * down,
-                           (self.cx + 0.5) * across - 0.5, (self.cy + 0.5) * down - 0.5)
+        return replace(self, width=width, height=height, fx=self.fx * across, fy=self.fy * down,
+                       cx=(self.cx + 0.5) * across - 0.5, cy=(self.cy + 0.5) * down - 0.5)
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,8 @@ class Art2ClusteringNode(StageNode):
     """Publishes the moving objects of each image."""
 
     inputs = (FLOW, EGO_MOTION)
+    used = ('preprocessing.', 'optical_flow.baseline_s', 'optical_flow.every_s', 'background.', 'art2.', 'objects.',
+            'trajectories.', 'tracks.', 'load.')
 
     def __init__(self) -> None:
         super().__init__('art2_clustering')
@@ -35,10 +37,20 @@ class Art2ClusteringNode(StageNode):
 
     def make_stage(self) -> None:
         """Stage without history, publisher."""
+        self._start_anew()
+        self._publisher = DetectionPublisher(self)
+
+    def _start_anew(self) -> None:
         self._preprocessor = Preprocessor(self.config.preprocessing)
         self._history = FrameHistory(self.config.optical_flow.baseline_s)
-        self._stage.reset()
-        self._publisher = DetectionPublisher(self)
+        self._stage.restart(self.config)
+
+    def use_config(self, restart: bool) -> None:
+        """Other settings from the next image on."""
+        if restart:
+            self._start_anew()
+        else:
+            self._stage.use_config(self.config)
 
     def work(self, header: Any, image: ByteArray, flow: FlowField, ego: EgoMotion) -> str:
         """One image: detect and publish."""

@@ -7,14 +7,14 @@ from typing import Any
 
 from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.params import declare_simple
-from motion_detect_ros.bridge.qos import image_qos, imu_qos, latched_qos, record_qos
 from motion_detect_ros.bridge.runner import main_of
-from motion_detect_ros.bridge.serialized import IMAGE_TYPES, IMU_TYPE, message_class, with_clock
+from motion_detect_ros.bridge.serialized import IMAGE_TYPES, is_static, message_class, quality_of, with_clock
 from motion_detect_ros.bridge.source_node import SourceNode
 from motion_detect_ros.bridge.topics import CLOCK, TopicPublisher
 from motion_detect_ros.core.errors import MessageError, SourceError
 from motion_detect_ros.core.types import NANOSECONDS
 from motion_detect_ros.sources.bags import BagReader, RawMessage, TopicInfo
+from motion_detect_ros.sources.pace import Pace
 
 #: The age of a recorded stamp says nothing about the player.
 UNKNOWN_AGE_MS = float('nan')
@@ -22,8 +22,6 @@ UNKNOWN_AGE_MS = float('nan')
 LATE_S = 0.1
 #: Between two rounds of a loop, seconds.
 LOOP_PAUSE_S = 0.01
-#: Published once and kept for late subscribers.
-STATIC_TRANSFORMS = 'tf_static'
 
 
 class BagPlayerNode(SourceNode):
@@ -32,13 +30,21 @@ class BagPlayerNode(SourceNode):
     def __init__(self) -> None:
         super().__init__('bag_player')
         self._bag = str(declare_simple(self, 'bag', '', 'MCAP or db3 file, or a folder that holds one'))
-        self._rate = float(declare_simple(self, 'rate', 1.0, 'speed against the recording', 0.001, 1000.0))
+        self._pace = Pace(float(declare_simple(
+            self, 'rate', 1.0, 'speed against the recording', 0.001, 1000.0, live=True)))
+        self._next_s: float | None = float(declare_simple(
+            self, 'position_s', 0.0, 'where to start, and to jump to when it is set, seconds of the recording',
+            0.0, 1e6, live=True))
         self._loop = bool(declare_simple(self, 'loop', False, 'start again at the end'))
         wanted = str(declare_simple(self, 'topics', '', 'topics to play, separated by commas; empty = all'))
         self._with_clock = bool(declare_simple(self, 'clock', True, 'publish /clock; false where another player does'))
         if not self._bag:
             raise SourceError('bag_player: expected the parameter bag, e.g. -p bag:=flight.mcap')
         self._late_s = 0.0
+        self.live.add(['rate'], lambda new: self._pace.steer(rate=float(new['rate'])))
+        self.live.add(['position_s'], lambda new: self._jump(float(new['position_s'])))
+        self.serve('~/pause', lambda: self._hold(True))
+        self.serve('~/resume', lambda: self._hold(False))
         with BagReader(self._bag) as reader:
             self._topics = _chosen(self._bag, reader.topics, wanted)
             self._damaged = reader.damaged or ''
@@ -51,40 +57,62 @@ class BagPlayerNode(SourceNode):
         for topic in self._topics:
             try:
                 self._publishers_of[topic.name] = self.advertise(
-                    message_class(topic.msgtype), topic.name.lstrip('/'), _quality(topic))
+                    message_class(topic.msgtype), topic.name.lstrip('/'), quality_of(topic))
             except MessageError as error:
                 self.bad_input(error)
 
     def produce(self) -> None:
         """Play, again and again where ``loop`` says so."""
         if self._images:
-            self.await_subscribers(self._subscribers, lambda: self._ticks.subscribers if self._ticks else 1)
+            self.await_subscribers([self._publishers_of[name] for name in self._images],
+                                   lambda: self._ticks.subscribers if self._ticks else 1)
         if not self._publishers_of:
             raise SourceError(f'{self._bag}: expected a topic whose type is installed, got none')
-        self._play_once()
-        while self._loop and not self.stopped.wait(LOOP_PAUSE_S):
-            self._play_once()
+        while not self.stopped.is_set():
+            start_s, self._next_s = self._next_s or 0.0, None
+            self._play_from(start_s)
+            if self._next_s is None and (not self._loop or self.stopped.wait(LOOP_PAUSE_S)):
+                return
+
+    def end(self) -> None:
+        """Wake the thread wherever it waits, and stop it."""
+        self.stopped.set()
+        self._pace.interrupt()
+        super().end()
 
     def condition(self) -> Condition:
         """Silence is part of a recording; damage and lateness are not."""
         late = f'{self._late_s:.1f} s behind the recording' if self._late_s > LATE_S else ''
         concern = ', '.join(filter(None, (self._damaged, late)))
-        idle = super().condition().idle or ('' if concern else f'playing {self._bag}')
+        doing = 'paused' if self._pace.paused else 'playing'
+        idle = super().condition().idle or ('' if concern and not self._pace.paused else f'{doing} {self._bag}')
         return Condition(concern=concern, idle=idle)
 
-    def _subscribers(self) -> int:
-        """Of the image topic that has most."""
-        return max((self._publishers_of[name].get_subscription_count() for name in self._images), default=0)
+    def _jump(self, position_s: float) -> None:
+        self._next_s = position_s
+        self._pace.interrupt()
 
-    def _play_once(self) -> None:
+    def _hold(self, paused: bool) -> str:
+        self._pace.steer(paused=paused)
+        return 'paused' if paused else 'playing'
+
+    def _play_from(self, start_s: float) -> None:
+        """From there to the end, unless the user stops it or jumps; static transforms from before are not left out."""
+        first_ns: int | None = None
         with BagReader(self._bag) as reader:
-            start_ns, first_ns = time.monotonic_ns(), None
             for clock_ns, message in with_clock(reader.messages(list(self._publishers_of))):
-                first_ns = clock_ns if first_ns is None else first_ns
-                due_ns = start_ns + (clock_ns - first_ns) / self._rate
-                if self.stopped.wait(max(0.0, (due_ns - time.monotonic_ns()) / NANOSECONDS)):
+                if first_ns is None:
+                    first_ns = clock_ns + round(start_s * NANOSECONDS)
+                    self._pace.begin(first_ns)
+                if self.stopped.is_set() or self._next_s is not None:
                     return
-                self._late_s = (time.monotonic_ns() - due_ns) / NANOSECONDS
+                if clock_ns >= first_ns:
+                    late_s = self._pace.wait(clock_ns)
+                    if late_s is None:
+                        return
+                    self._late_s = late_s
+                elif not is_static(message.topic):
+                    continue
                 self._publish(message, clock_ns)
 
     def _publish(self, message: RawMessage, clock_ns: int) -> None:
@@ -94,14 +122,6 @@ class BagPlayerNode(SourceNode):
         start = time.perf_counter()
         self._publishers_of[message.topic].publish(message.data)
         self.stats.count_processed(time.monotonic_ns(), 1e3 * (time.perf_counter() - start), UNKNOWN_AGE_MS)
-
-
-def _quality(topic: TopicInfo) -> Any:
-    if topic.name.rpartition('/')[2] == STATIC_TRANSFORMS:
-        return latched_qos()
-    if topic.msgtype == IMU_TYPE:
-        return imu_qos()
-    return image_qos() if topic.msgtype in IMAGE_TYPES else record_qos()
 
 
 def _chosen(bag: str, topics: tuple[TopicInfo, ...], wanted: str) -> tuple[TopicInfo, ...]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
+from motion_detect_ros.bridge.calibration_url import calibration_at, calibration_to_msg
 from motion_detect_ros.bridge.diagnostics import Condition, silent
 from motion_detect_ros.bridge.images import camera_to_msg, header_of
 from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S
@@ -13,7 +15,7 @@ from motion_detect_ros.bridge.source_node import SourceNode
 from motion_detect_ros.bridge.topics import CAMERA_INFO, COMPRESSED, IMAGE, TopicPublisher
 from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.sources.capture import Capture
-from motion_detect_ros.sources.frames import SourceFrame
+from motion_detect_ros.sources.frames import CAMERA_FRAME, SourceFrame
 from motion_detect_ros.sources.secrets import masked, with_secret
 
 #: Longest wait for a picture before looking whether to stop, seconds.
@@ -34,13 +36,17 @@ class CameraNode(SourceNode):
         secret_file = str(declare_simple(self, 'source_secret_file', '', 'file with user:password, or the address'))
         self._source = with_secret(address, secret_file)
         self._fps = float(declare_simple(self, 'fps', 0.0, 'rate of a source without stamps, 0 = its own', 0.0, 1000.0))
-        self._frame_id = str(declare_simple(self, 'frame_id', 'camera_optical_frame', 'frame of the optical axis'))
+        self._frame_id = str(declare_simple(self, 'frame_id', CAMERA_FRAME, 'frame of the optical axis'))
         self._keep = int(declare_simple(self, 'decimation_keep', 1, 'use the first so many ...', 1, 1000))
         self._of = int(declare_simple(self, 'decimation_of', 1, '... of every so many pictures', 1, 1000))
         self._queue_size = int(declare_simple(self, 'queue_size', 2, 'pictures that may wait', 1, 1000))
         self._realtime = bool(declare_simple(self, 'realtime', True, 'play files at their own pace, drop late ones'))
+        url = str(declare_simple(
+            self, 'camera_info_url', '', 'calibration of the images, file:// or package://; empty = of the source'))
+        self._calibration = calibration_at(url) if url else None
         self._drops = 0
         self._began_s = 0.0
+        self._lost = False
 
     def open(self) -> None:
         """Publishers; JPEG only while someone subscribes to it."""
@@ -52,13 +58,14 @@ class CameraNode(SourceNode):
         """Open the device."""
         self._capture = self.unless_stopped(lambda: Capture(
             self._source, self._fps or None, self._keep, self._of, self._queue_size, self._realtime))
-        self._drops, self._began_s = 0, time.monotonic()
+        self._drops, self._began_s, self._lost = 0, time.monotonic(), False
+        self.get_logger().info(f'opened {masked(self._source)}')
 
     def produce(self) -> None:
         """Capture and publish until the source ends."""
         capture = self._capture
         try:
-            self.await_subscribers(lambda: max(self._images.subscribers, self._jpegs.subscribers))
+            self.await_subscribers((self._images.publisher, self._jpegs.publisher))
             self._began_s = time.monotonic()
             if not self.stopped.is_set():
                 capture.start()
@@ -81,7 +88,11 @@ class CameraNode(SourceNode):
             return idle
         behind = 'slower than the camera' if self._capture.stats.behind else ''
         starting = time.monotonic() - self._began_s < STARTING_S
-        return Condition('' if starting else silent(self.stats.summary(time.monotonic_ns())), behind)
+        fault = '' if starting else silent(self.stats.summary(time.monotonic_ns()))
+        if bool(fault) != self._lost:
+            self._lost = bool(fault)
+            self.get_logger().warning(f'{masked(self._source)}: {fault or "pictures come again"}')
+        return Condition(fault, behind)
 
     def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
         """Counts of the capture, and how often a stream was opened anew."""
@@ -94,7 +105,7 @@ class CameraNode(SourceNode):
         header = header_of(frame.stamp_ns, self._frame_id)
         height, width = frame.image.shape[:2]
         try:
-            self._infos.publish(camera_to_msg(self._capture.camera, width, height, header))
+            self._infos.publish(self._info(width, height, header))
             self._images.publish(frame.image, header)
             if self._jpegs.subscribers:
                 self._jpegs.publish(frame.image, header)
@@ -106,6 +117,17 @@ class CameraNode(SourceNode):
         if self._capture.stats.behind:
             self.get_logger().warning('processing is slower than the camera: pictures are dropped',
                                       throttle_duration_sec=WARNING_PERIOD_S)
+
+    def _info(self, width: int, height: int, header: Any) -> Any:
+        """The calibration that fits the image, else that of an uncalibrated camera."""
+        given = self._calibration
+        if given is None:
+            return camera_to_msg(self._capture.camera, width, height, header)
+        if (given.width, given.height) == (width, height):
+            return calibration_to_msg(given, header)
+        self.get_logger().warning(f'calibration not used: expected one of {width}x{height} px, '
+                                  f'got {given.width}x{given.height}', once=True)
+        return camera_to_msg(None, width, height, header)
 
     def _count_drops(self) -> None:
         dropped = self._capture.stats.dropped

@@ -17,14 +17,26 @@ from motion_detect_ros.core.types import ByteArray, CameraModel
 class EgoMotionNode(StageNode):
     """Publishes how the camera's own motion moved the background, with covariance and status."""
 
+    used = ('preprocessing.', 'ego_motion.', 'imu.', 'background.focal_share', 'load.')
+
     def __init__(self) -> None:
         super().__init__('ego_motion')
 
     def make_stage(self) -> None:
         """Stage and publisher."""
+        self._start_anew()
+        self._publisher = TopicPublisher(self, EGO_MOTION)
+
+    def _start_anew(self) -> None:
         self._preprocessor = Preprocessor(self.config.preprocessing)
         self._stage = EgoMotionStage(self.config)
-        self._publisher = TopicPublisher(self, EGO_MOTION)
+
+    def use_config(self, restart: bool) -> None:
+        """Other settings from the next image on."""
+        if restart:
+            self._start_anew()
+        else:
+            self._stage.use_config(self.config)
 
     def work(self, header: Any, image: ByteArray) -> str:
         """One image: estimate and publish."""

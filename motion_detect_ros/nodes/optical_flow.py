@@ -19,16 +19,27 @@ class OpticalFlowNode(StageNode):
 
     inputs = (EGO_MOTION,)
     uses_camera = False
+    used = ('preprocessing.', 'optical_flow.', 'load.')
 
     def __init__(self) -> None:
         super().__init__('optical_flow')
 
     def make_stage(self) -> None:
         """Stage and publisher."""
+        self._start_anew()
+        self._publisher = TopicPublisher(self, FLOW)
+
+    def _start_anew(self) -> None:
         self._preprocessor = Preprocessor(self.config.preprocessing)
         self._history = FrameHistory(self.config.optical_flow.baseline_s)
         self._stage = OpticalFlowStage(self.config)
-        self._publisher = TopicPublisher(self, FLOW)
+
+    def use_config(self, restart: bool) -> None:
+        """Other settings from the next image on."""
+        if restart:
+            self._start_anew()
+        else:
+            self._stage.use_config(self.config)
 
     def work(self, header: Any, image: ByteArray, ego: EgoMotion) -> str:
         """One image: flow and publish."""

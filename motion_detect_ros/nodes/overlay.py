@@ -15,6 +15,7 @@ from motion_detect_ros.bridge.qos import image_qos
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.sync import ExactJoin
 from motion_detect_ros.bridge.topics import (
+    CAMERA_INFO,
     COMPRESSED,
     DETECTIONS,
     FLOW,
@@ -48,7 +49,8 @@ class OverlayNode(ManagedNode):
         self._image = COMPRESSED if compressed else IMAGE
         self._join = ExactJoin(('image', 'detections'), WAITING, REORDER_S)
         self._decoder = ImageDecoder()
-        self._markers = MarkerWriter()
+        self._markers = MarkerWriter(float(declare_simple(
+            self, 'box_distance_m', 0.0, 'distance at which ~/markers has boxes too, 0 = none', 0.0, 1000.0)))
         self._drops = 0
         self._inputs: tuple[Topic, ...] = ()
         self.every(DEMAND_PERIOD_S, self._follow_demand)
@@ -92,6 +94,7 @@ class OverlayNode(ManagedNode):
             self.subscribe(self._image.kind, self._image.name, self._on_image, quality)
         if DETECTIONS in wanted:
             self.subscribe(DETECTIONS.kind, DETECTIONS.name, self._on_detections, DETECTIONS.qos())
+            self.subscribe(CAMERA_INFO.kind, CAMERA_INFO.name, self._markers.use_camera, image_qos(self._reliability))
         if FLOW in wanted:
             self.subscribe(FLOW.kind, FLOW.name, self._on_flow, quality)
 

@@ -29,6 +29,7 @@ class PipelineNode(StageNode):
 
     def make_stage(self) -> None:
         """Pipeline without history, publishers."""
+        self._pipeline.use_config(self.config)
         self._pipeline.reset()
         self._ego_publisher = TopicPublisher(self, EGO_MOTION)
         self._flow_publisher = TopicPublisher(self, FLOW)
@@ -47,6 +48,10 @@ class PipelineNode(StageNode):
             ('tracks', str(result.ego.tracks)), ('objects', str(len(result.detections))),
             ('clusters', str(self._pipeline.neurons)), *times, ('total_ms', f'{result.times_ms.total:.2f}'))
         return unused_for(result.ego)
+
+    def use_config(self, restart: bool) -> None:
+        """Other settings from the next image on; the pipeline knows by itself which need a restart."""
+        self._pipeline.use_config(self.config)
 
     def use_camera(self, camera: CameraModel | None) -> None:
         """Hand the calibration on."""

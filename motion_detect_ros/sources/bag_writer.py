@@ -11,10 +11,10 @@ from mcap.writer import CompressionType, Writer
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import ByteArray, CameraModel, DoubleArray, RecordArray
 from motion_detect_ros.sources import messages
+from motion_detect_ros.sources.frames import CAMERA_FRAME
 
 PART_SUFFIX = '.part'
 CHUNK_BYTES = 1 << 20
-CAMERA_FRAME = 'camera'
 
 
 class BagWriter:

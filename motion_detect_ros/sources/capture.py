@@ -19,8 +19,9 @@ from typing import Self
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.types import NANOSECONDS, CameraModel
+from motion_detect_ros.sources.address import is_address
 from motion_detect_ros.sources.frames import FrameSource, SourceFrame
-from motion_detect_ros.sources.live import TIMEOUT_MS, LiveFrames, is_address
+from motion_detect_ros.sources.live import TIMEOUT_MS, LiveFrames
 from motion_detect_ros.sources.opening import open_source
 from motion_detect_ros.sources.secrets import masked
 

@@ -7,8 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from motion_detect_ros.core.types import ByteArray, CameraModel
+from motion_detect_ros.core.types import NANOSECONDS, ByteArray, CameraModel
 
+#: Stamp of the first picture of sources that tell no time of day, ns: 0 would be "the latest" to tf2.
+FIRST_STAMP_NS = NANOSECONDS
+#: frame_id of pictures of unknown cameras, live and in bags.
+CAMERA_FRAME = 'camera_optical_frame'
 #: Rate of image sequences that come without time stamps, frames/s, where the user gives none.
 DEFAULT_FPS = 25.0
 

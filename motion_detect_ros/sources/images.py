@@ -11,7 +11,7 @@ import numpy as np
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import NANOSECONDS, ByteArray, CameraModel
-from motion_detect_ros.sources.frames import SourceFrame, describe_folder
+from motion_detect_ros.sources.frames import FIRST_STAMP_NS, SourceFrame, describe_folder
 
 IMAGE_SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.bmp', '.tif', '.tiff', '.webp', '.ppm', '.pgm'})
 
@@ -48,8 +48,8 @@ def natural_key(name: str) -> tuple[tuple[int, str], ...]:
 
 
 def even_stamps(count: int, fps: float) -> list[int]:
-    """``count`` stamps at ``fps`` frames/s from 0, ns; rounded one by one so that no error adds up."""
-    return [round(index * NANOSECONDS / fps) for index in range(count)]
+    """``count`` stamps at ``fps`` frames/s from FIRST_STAMP_NS, ns; rounded one by one so that no error adds up."""
+    return [FIRST_STAMP_NS + round(index * NANOSECONDS / fps) for index in range(count)]
 
 
 class ImageSequence:

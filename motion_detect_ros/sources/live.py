@@ -22,11 +22,6 @@ LONGEST_BACK_OFF_S = 10.0
 TIMEOUT_MS = 4000
 
 
-def is_address(source: str) -> bool:
-    """True for a camera number or a network address, False for a path."""
-    return source.isdigit() or '://' in source
-
-
 class LiveFrames:
     """Frames of a camera (``0``) or address (``rtsp://...``), without end until ``stop``.
 

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from urllib.parse import quote
 
-from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.core.errors import MotionDetectError, SourceError
 
 #: ``user:password`` of the address, or the whole address.
 SECRET_VARIABLE = 'MOTION_DETECT_SOURCE_SECRET'
@@ -20,6 +20,11 @@ _QUERY = re.compile(r'([?&;][\w-]*(?:pass|pwd|secret|token|key|auth)[\w-]*=)[^&;
 def masked(text: str) -> str:
     """The text with user, password and the like of every address in it replaced by stars."""
     return _QUERY.sub(rf'\g<1>{MASK}', _USER_INFO.sub(rf'\g<1>{MASK}@', text))
+
+
+def reason_of(error: Exception) -> str:
+    """What a user can do something with, without credentials: our own messages, others with the name of their class."""
+    return masked(str(error) if isinstance(error, MotionDetectError) else f'{type(error).__name__}: {error}')
 
 
 def with_secret(address: str, secret_file: str) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import NANOSECONDS
-from motion_detect_ros.sources.frames import SourceFrame
+from motion_detect_ros.sources.frames import FIRST_STAMP_NS, SourceFrame
 from motion_detect_ros.sources.secrets import masked
 
 #: FFmpeg guesses by content too and would take a text file for terminal art; only these names are tried.
@@ -56,8 +56,8 @@ def open_capture(address: str | int, timeout_ms: int | None = None) -> cv2.Video
 class VideoFile:
     """A video file as a frame source.
 
-    Stamps are the container's presentation times (variable frame rate stays variable), or even steps where
-    the caller gives a rate or the container has no times.
+    Stamps are FIRST_STAMP_NS and the container's presentation times (variable frame rate stays variable), or even
+    steps where the caller gives a rate or the container has no times.
     """
 
     camera = None
@@ -85,7 +85,7 @@ class VideoFile:
     def __iter__(self) -> Iterator[SourceFrame]:
         """Frames from the first; sets ``damaged`` where the file ends before the frames it announces."""
         capture = open_capture(str(self.path))
-        index, previous_ns = 0, -1
+        index, previous_ns = 0, FIRST_STAMP_NS - 1
         try:
             while True:
                 ok, image = capture.read()
@@ -102,8 +102,8 @@ class VideoFile:
     def _stamp(self, capture: cv2.VideoCapture, index: int, previous_ns: int) -> int:
         """Time of the frame just read, ns."""
         if self._fps is not None:
-            return round(index * NANOSECONDS / self._fps)
-        stamp_ns = round(capture.get(cv2.CAP_PROP_POS_MSEC) * NANOSECONDS_PER_MS)
+            return FIRST_STAMP_NS + round(index * NANOSECONDS / self._fps)
+        stamp_ns = FIRST_STAMP_NS + round(capture.get(cv2.CAP_PROP_POS_MSEC) * NANOSECONDS_PER_MS)
         if stamp_ns > previous_ns:
             return stamp_ns
         if not self._container_fps > 0:

@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSReliabilityPolicy
 from sensor_msgs.msg import Image
 
-from motion_detect_ros.bridge.params import declare_config, declare_simple, unknown_parameters
+from motion_detect_ros.bridge.params import LiveParameters, declare_config, declare_simple, unknown_parameters
 from motion_detect_ros.bridge.qos import image_qos, overridable, record_qos
 from motion_detect_ros.cli.live import own_domain
 from motion_detect_ros.core.config import PipelineConfig
@@ -52,18 +52,27 @@ def test_without_parameters_it_is_the_default_preset(make_node: MakeNode):
     assert declare_config(make_node()) == PipelineConfig()
 
 
-def test_every_setting_is_declared_with_meaning_and_range_and_cannot_be_changed(make_node: MakeNode):
+def test_every_setting_is_declared_with_meaning_and_range(make_node: MakeNode):
     node = make_node()
     declare_config(node)
     for name, default, metadata in settings(PipelineConfig()):
         descriptor = node.describe_parameter(name)
         assert descriptor.description.startswith(metadata['doc']), name
-        assert descriptor.read_only, name
+        assert descriptor.read_only == (name in {'imu.use', 'imu.time_offset_s', 'load.threads'}), name
         limits = [*descriptor.floating_point_range, *descriptor.integer_range]
         if metadata['low'] is not None:
             assert (limits[0].from_value, limits[0].to_value) == (metadata['low'], metadata['high']), name
         assert type(node.get_parameter(name).value) is type(default), name
-    assert not node.set_parameters([Parameter('art2.vigilance', value=0.5)])[0].successful
+
+
+def test_a_stage_declares_what_it_uses_and_knows_the_settings_of_others(make_node: MakeNode):
+    node = make_node(art2__vigilance=0.3, tracks__coast_s=0.5, tracks__coast=0.5)
+    config = declare_config(node, ('art2.', 'optical_flow.baseline_s'))
+    assert config.art2.vigilance == 0.3
+    assert config.tracks == PipelineConfig().tracks
+    assert {name for name, _, _ in settings(PipelineConfig()) if node.has_parameter(name)} == {
+        name for name, _, _ in settings(PipelineConfig()) if name.startswith('art2.')} | {'optical_flow.baseline_s'}
+    assert unknown_parameters(node) == ('tracks.coast',)
 
 
 def test_values_that_the_user_gives_are_taken(make_node: MakeNode):
@@ -108,6 +117,29 @@ def test_misspelt_names_are_found_known_ones_are_not(make_node: MakeNode):
     node = make_node(art2__vigilanse=0.3, bag='of another node', **{'qos_overrides./image_raw.publisher.depth': 3})
     declare_config(node)
     assert unknown_parameters(node) == {'art2.vigilanse': 'art2.vigilance'}
+
+
+def test_what_is_set_together_is_checked_together_and_applied_as_declared(make_node: MakeNode):
+    node, taken = make_node(), []
+    for name, default in {'a': 1.0, 'b': 2.0, 'c': 'x'}.items():
+        declare_simple(node, name, default, 'doc', *((0.0, 9.0) if name != 'c' else ()), live=True)
+
+    def check(values: dict[str, object]) -> None:
+        if values.get('a', 0.0) > values.get('b', 9.0):
+            raise ConfigError(f'a: expected at most b, got {values}')
+
+    live = LiveParameters(node)
+    live.add(['a', 'b'], taken.append, check)
+    live.add(['c'], taken.append)
+    result = node.set_parameters_atomically([Parameter('a', value=8), Parameter('b', value=7.0)])
+    assert (result.successful, result.reason) == (False, "a: expected at most b, got {'a': 8.0, 'b': 7.0}")
+    assert (node.get_parameter('a').value, taken) == (1.0, [])
+    assert node.set_parameters_atomically([Parameter('a', value=3), Parameter('c', value='y')]).successful
+    assert taken == [{'a': 3.0}, {'c': 'y'}]
+    assert type(node.get_parameter('a').value) is float
+    assert not node.set_parameters([Parameter('a', value=10.0)])[0].successful
+    assert not node.set_parameters([Parameter('c', value=3)])[0].successful
+    assert len(taken) == 2
 
 
 def test_node_parameters_know_their_choices_and_limits(make_node: MakeNode):

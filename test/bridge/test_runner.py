@@ -85,7 +85,8 @@ SEED = 11
 def busy_node(stays_s: float = 0.3, hangs_s: float = 0.0, timeout_s: float = 30.0) -> subprocess.Popen[str]:
     """``stays_s``: how long the thread goes on after it was told to stop; ``hangs_s``: how long stopping takes."""
     return subprocess.Popen(
-        [sys.executable, '-c', BUSY_NODE, str(stays_s), str(hangs_s), str(timeout_s)], text=True,
+        [sys.executable, '-c', BUSY_NODE, str(stays_s), str(hangs_s), str(timeout_s),
+         '--ros-args', '--log-level', 'warn'], text=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'})
 

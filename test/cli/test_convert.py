@@ -53,7 +53,8 @@ def test_visdrone_raw(sequence: Path, tmp_path: Path) -> None:
     read = contents(out)
     assert {topic: len(found) for topic, found in read.items()} == {'/image_raw': 5, '/camera_info': 5}
     for index, (stamp, message) in enumerate(read['/image_raw']):
-        assert stamp == header_stamp(message) == index * 40_000_000  # 25 frames/s
+        assert stamp == header_stamp(message) == 10**9 + index * 40_000_000  # 25 frames/s, never 0
+        assert message.header.frame_id == 'camera_optical_frame'
         expected = cv2.imread(str(sequence / f'{index + 1:07d}.jpg'))
         assert np.array_equal(message.data.reshape(36, 64, 3), expected)
     info = read['/camera_info'][0][1]
@@ -75,7 +76,8 @@ def test_video(tmp_path: Path) -> None:
         writer.write(np.full((48, 64, 3), 90, np.uint8))
     writer.release()
     assert main(['convert', 'video', str(tmp_path / 'v.mp4'), '-o', str(tmp_path / 'o.mcap')]) == 0
-    assert [stamp for stamp, _ in contents(tmp_path / 'o.mcap')['/image_raw']] == [i * 50_000_000 for i in range(6)]
+    assert [stamp for stamp, _ in contents(tmp_path / 'o.mcap')['/image_raw']] == [
+        10**9 + i * 50_000_000 for i in range(6)]
 
 
 def test_unreadable_pictures_are_left_out_and_told(
@@ -86,7 +88,7 @@ def test_unreadable_pictures_are_left_out_and_told(
     assert main(['convert', 'visdrone', str(sequence), '-o', str(out)]) == 3
     assert '4 frames, 1 unreadable frames left out' in capsys.readouterr().out
     # The gap stays in the stamps.
-    assert [stamp // 40_000_000 for stamp, _ in contents(out)['/image_raw']] == [0, 1, 3, 4]
+    assert [stamp // 40_000_000 for stamp, _ in contents(out)['/image_raw']] == [25, 26, 28, 29]
 
 
 class Interrupted:

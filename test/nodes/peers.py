@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 import rclpy
-from rcl_interfaces.srv import GetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import Image
 
@@ -107,6 +108,12 @@ class Peer:
         self._executor.shutdown(timeout_sec=2.0)
         self.node.destroy_node()
         rclpy.try_shutdown(context=self._context)
+
+
+def set_parameters(peer: Peer, node: str, **values: Any) -> list[str]:
+    """Sets parameters of a node one by one, ``__`` for points; the reasons why not, empty where they were set."""
+    given = [Parameter(name.replace('__', '.'), value=value).to_parameter_msg() for name, value in values.items()]
+    return [result.reason for result in peer.call(SetParameters, f'/{node}/set_parameters', parameters=given).results]
 
 
 def small(*arguments: str) -> list[str]:

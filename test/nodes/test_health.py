@@ -164,7 +164,7 @@ def stream() -> Iterator[str]:
         server.shutdown()
 
 
-def test_camera_whose_stream_stalls_is_in_error_until_it_is_back(peer, start, stream):
+def test_camera_whose_stream_stalls_is_in_error_until_it_is_back(peer, start, stream, tmp_path):
     health = Health(peer)
     start('camera', '-p', f'source:={stream}')
     assert health.reported(OK, 'Hz')
@@ -172,6 +172,10 @@ def test_camera_whose_stream_stalls_is_in_error_until_it_is_back(peer, start, st
     assert peer.until(lambda: int(health.values()['reconnects']) > 0)
     seen = len(health.reports)
     assert peer.until(lambda: OK in [level for level, _ in health.reports[seen:]])
+    printed = (tmp_path / 'camera.log').read_text()
+    opened, lost, back = (printed.index(words) for words in (
+        f'opened {stream}', f'{stream}: nothing received for', f'{stream}: pictures come again'))
+    assert opened < lost < back
 
 
 def test_player_waits_plays_and_reports_why_it_ends(peer, start, tmp_path):
@@ -181,7 +185,7 @@ def test_player_waits_plays_and_reports_why_it_ends(peer, start, tmp_path):
             writer.write_image(picture(index), (index + 1) * 1_000_000_000)
     health: Health = Health(peer)
     process = start('bag_player', '-p', f'bag:={bag}', '-p', 'wait_for_subscribers:=1', code=2)
-    assert health.reported(OK, 'waiting for 1 subscribers of the images, 0 so far')
+    assert health.reported(OK, 'waiting for 1 subscribers of /image_raw, 0 so far')
     bag.unlink()
     peer.subscribe(Image, 'image_raw')
     assert health.reported(ERROR, f'{bag}: no such bag')

@@ -8,10 +8,11 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TransformStamped
 from mcap.writer import Writer
-from peers import image_message, lossless, picture, ready
+from peers import PATIENT, image_message, lossless, picture, ready, set_parameters, small
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu, PointCloud2
+from std_srvs.srv import Trigger
 
 from motion_detect_ros.bridge.images import header_of, image_from_msg, stamp_ns
 from motion_detect_ros.bridge.records import detections_to_msg
@@ -68,6 +69,33 @@ def test_camera_publishes_every_picture_of_a_folder_and_ends(peer, start, pictur
     assert np.diff([stamp_ns(m.header) for m in images]) == pytest.approx([0.1 * NANOSECONDS] * 7)
     assert [m.header for m in infos] == [m.header for m in images]
     assert list(infos[0].k) == [0.0] * 9  # REP 104: uncalibrated
+
+
+CALIBRATION = """
+image_width: {width}
+image_height: 240
+camera_name: narrow_stereo
+camera_matrix: {{rows: 3, cols: 3, data: [438.1, 0, 163.5, 0, 439.2, 118.2, 0, 0, 1]}}
+distortion_model: {model}
+distortion_coefficients: {{rows: 1, cols: 4, data: [-0.3, 0.1, 0.001, 0]}}
+rectification_matrix: {{rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}}
+projection_matrix: {{rows: 3, cols: 4, data: [400.0, 0, 162.0, 0, 0, 420.0, 119.0, 0, 0, 0, 1, 0]}}
+"""
+
+
+@pytest.mark.parametrize(('width', 'known'), [(320, True), (640, False)])
+def test_camera_publishes_the_calibration_that_fits_its_images(peer, start, pictures, tmp_path, width, known):
+    file = tmp_path / 'lens.yaml'
+    file.write_text(CALIBRATION.format(width=width, model='equidistant'))
+    images, infos = peer.subscribe(Image, 'image_raw'), peer.subscribe(CameraInfo, 'camera_info')
+    film(peer, start, pictures, images, 8, '-p', f'camera_info_url:=file://{file}')
+    assert peer.until(lambda: len(infos) == 8)
+    info, header = infos[3], images[3].header
+    assert (info.header, info.width, info.height) == (header, 320, 240)
+    assert (info.k[0], info.p[5], info.distortion_model) == ((438.1, 420.0, 'equidistant') if known
+                                                             else (0.0, 0.0, 'plumb_bob'))
+    printed = (tmp_path / 'camera.log').read_text()
+    assert ('expected one of 320x240 px, got 640x240' in printed) != known
 
 
 def test_camera_takes_two_of_five(peer, start, pictures):
@@ -267,3 +295,49 @@ def test_overlay_drops_what_never_gets_detections(peer, start):
     assert peer.until(lambda: latest().get('processed') == '1'), latest()
     assert (latest()['received'], latest()['dropped']) == ('3', '2')
     assert float(latest()['latency_p50_ms']) > 0.0
+
+
+@pytest.fixture
+def long_bag(tmp_path):
+    """An hour: an image every 100 s, and a static transform at the start."""
+    path = tmp_path / 'long.mcap'
+    with BagWriter(path) as writer:
+        writer.write('/tf_static', messages.make('geometry_msgs/msg/TransformStamped'), STAMPS[0])
+        for index in range(37):
+            writer.write_image(picture(index), STAMPS[0] + index * 100 * NANOSECONDS)
+    return path
+
+
+def test_player_is_steered_while_it_plays(peer, start, long_bag):
+    images = peer.subscribe(Image, 'image_raw')
+    process = start('bag_player', '-p', f'bag:={long_bag}', '-p', 'wait_for_nodes:=peer', '-p', 'position_s:=3000.0',
+                    *lossless('image_raw'))
+    assert peer.until(lambda: images)
+    assert stamp_ns(images[0].header) == STAMPS[0] + 3000 * NANOSECONDS
+    assert peer.call(Trigger, '/bag_player/pause').message == 'paused'
+    assert set_parameters(peer, 'bag_player', position_s=1000) == ['']
+    peer.rest(LINGER_S)
+    assert len(images) == 1
+    assert peer.call(Trigger, '/bag_player/resume').message == 'playing'
+    assert peer.until(lambda: len(images) == 2)
+    assert stamp_ns(images[1].header) == STAMPS[0] + 1000 * NANOSECONDS
+    refused, = set_parameters(peer, 'bag_player', rate=0.0)
+    assert 'rate' in refused
+    assert set_parameters(peer, 'bag_player', rate=1000) == ['']
+    assert peer.until(lambda: process.poll() is not None)
+    peer.rest(LINGER_S)
+    assert [stamp_ns(each.header) for each in images[1:]] == [
+        STAMPS[0] + index * 100 * NANOSECONDS for index in range(10, 37)]
+
+
+def test_player_waits_for_the_stages_and_not_for_just_anybody(peer, start, bag, tmp_path):
+    images, detections = peer.subscribe(Image, 'image_raw'), peer.subscribe(PointCloud2, 'detections')
+    start('bag_player', '-p', f'bag:={bag}', '-p', 'wait_for_nodes:=pipeline', *lossless('image_raw'))
+    reports = peer.subscribe(DiagnosticArray, '/diagnostics')
+    waiting = 'waiting for /pipeline to subscribe to /image_raw or /rear/image_raw'
+    assert peer.until(lambda: [message for message in reports if message.status[0].message == waiting])
+    assert not images
+    start('pipeline', *small(*PATIENT))
+    assert peer.until(lambda: len(detections) == 8)
+    assert [stamp_ns(m.header) for m in detections] == STAMPS
+    assert waiting in (tmp_path / 'bag_player.log').read_text()

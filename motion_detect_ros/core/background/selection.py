@@ -35,6 +35,10 @@ class BackgroundSelector:
         self._config = config
         self.reset()
 
+    def use_config(self, config: BackgroundConfig) -> None:
+        """Settings from the next frame on."""
+        self._config = config
+
     def reset(self) -> None:
         """Clear the camera's motion; planar until the criterion changes it."""
         self._motion: PoseEstimate | None = None

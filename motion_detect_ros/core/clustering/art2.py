@@ -54,6 +54,11 @@ class Art2(Art2Network[Presented]):
         super().__init__(config)
         self.spread_match = config.spread_match
 
+    def use_config(self, config: Art2Config) -> None:
+        """As ``Art2Network``."""
+        super().use_config(config)
+        self.spread_match = config.spread_match
+
     def _feed(self, vectors: FloatArray) -> Presented:
         length = _lengths(vectors)
         return Presented(vectors, length, _background_match(length))

@@ -68,6 +68,10 @@ class Art2Network(ABC, Generic[F1]):
         self._config = config
         self.reset()
 
+    def use_config(self, config: Art2Config) -> None:
+        """Settings from the next frame on, for the neurons that there are; another variant needs another network."""
+        self._config = config
+
     def reset(self) -> None:
         """Clear all neurons but the background; names restart at 1."""
         self._next_name = 1

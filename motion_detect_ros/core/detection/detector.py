@@ -6,6 +6,7 @@ import numpy as np
 
 from motion_detect_ros.core.background.planar import Background, motion_vectors
 from motion_detect_ros.core.clustering.art2 import make_art2
+from motion_detect_ros.core.clustering.art2_network import Art2Network
 from motion_detect_ros.core.clustering.clusterer import Clusterer
 from motion_detect_ros.core.clustering.feature_vectors import FeatureVectors
 from motion_detect_ros.core.config import PipelineConfig
@@ -29,10 +30,16 @@ class MotionDetector:
     """Clusters motion vectors and fits boxes to the clusters; holds the ART2 network or another clusterer."""
 
     def __init__(self, config: PipelineConfig, clusterer: Clusterer | None = None) -> None:
-        self._join_match = config.objects.join_match
         self._vectors = FeatureVectors(config.art2)
         self._clusterer = clusterer or make_art2(config.art2)
+        self.use_config(config)
+
+    def use_config(self, config: PipelineConfig) -> None:
+        """Settings from the next frame on that keep the neurons (``core.reconfiguration``)."""
+        self._join_match = config.objects.join_match
         self._finder = ObjectFinder(config.objects)
+        if isinstance(self._clusterer, Art2Network):
+            self._clusterer.use_config(config.art2)
 
     @property
     def neurons(self) -> int:

@@ -33,13 +33,17 @@ class EgoMotionStage:
 
     def __init__(self, config: PipelineConfig, camera: CameraModel | None = None) -> None:
         """Raises: BackendError for features that this OpenCV does not have."""
-        self._config = config.ego_motion
         self.camera = camera
-        self._method = make_method(self._config)
+        self.use_config(config)
         self._filter = make_smoother(self._config)
         self._gyro = GyroPrior(config.imu)
         self._relative_pose = RelativePoseEstimator(config.background.focal_share)
         self._previous: PreparedFrame | None = None
+
+    def use_config(self, config: PipelineConfig) -> None:
+        """Settings from the next frame on that keep history (``core.reconfiguration``). Raises: BackendError."""
+        self._config = config.ego_motion
+        self._method = make_method(self._config)
 
     def reset(self) -> None:
         """Clear the previous frame, the filter's state, the relative pose and the angular rates."""

@@ -23,9 +23,16 @@ class OpticalFlowStage:
 
     def __init__(self, config: PipelineConfig) -> None:
         """Raises: BackendError where the method is not in this installation."""
+        self._pool = ThreadPoolExecutor(1, 'backward_flow')
+        self.use_config(config)
+        self._regions = RegionsOfInterest(self._config.full_every)
+        self._every = Every(self._config.every_s)
+
+    def use_config(self, config: PipelineConfig) -> None:
+        """Settings from the next frame on that keep history (``core.reconfiguration``). Raises: BackendError."""
         self._config = config.optical_flow
         self._flow = make_flow(self._config)
-        self._worker = (BackwardWorker(make_flow(self._config), ThreadPoolExecutor(1, 'backward_flow'))
+        self._worker = (BackwardWorker(make_flow(self._config), self._pool)
                         if self._config.method in BUILT_IN else None)
         self._regions = RegionsOfInterest(self._config.full_every)
         self._every = Every(self._config.every_s)

@@ -39,10 +39,14 @@ class Tracker:
 
     def __init__(self, config: TracksConfig, first_id: int = 1) -> None:
         """first_id: of the first confirmed track, 1 to MAX_ID; after that comes 1 again."""
-        self._config = config
+        self.use_config(config)
         self._tracks: list[Track] = []
         self._next_id = first_id
         self._camera_px_s = 0.0
+
+    def use_config(self, config: TracksConfig) -> None:
+        """Settings from the next frame on, for the tracks that there are too."""
+        self._config = config
         self._learn = APPEARANCE_MODELS.get(config.appearance) if config.appearance_hold_s > 0.0 else None
 
     def reset(self) -> None:

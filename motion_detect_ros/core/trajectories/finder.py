@@ -83,6 +83,10 @@ class TrajectoryFinder:
         self._tracker = PointTracker(config.trajectories.max_points)
         self._start_anew()
 
+    def use_config(self, config: PipelineConfig) -> None:
+        """Settings of objects from the next frame on."""
+        self._config = config.objects
+
     def reset(self) -> None:
         """Clear frames and points."""
         self._frames.reset()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -66,6 +68,27 @@ def test_street(drive, movers, noise_px, epipole_px, height_share):
     assert degrees_between(found.ground, rotation @ [0.0, 1.0, 0.0]) < 1.0
     below = HEIGHT + (rotation.T @ translation)[1]
     assert np.linalg.norm(translation) / np.linalg.norm(found.ground) == pytest.approx(below, rel=height_share)
+
+
+@pytest.mark.parametrize('lens', [
+    {'distortion': (-0.28, 0.07, 0.0005, -0.0003, 0.0)},
+    {'distortion': (0.05, -0.01, 0.002, 0.0), 'fisheye': True}], ids=['plumb_bob', 'equidistant'])
+@pytest.mark.parametrize('drive', ['straight', 'curve'])
+def test_the_lens_of_the_camera_does_not_matter(drive, lens):
+    """The tracks as another lens shows them: the same motion, and the epipole where that lens shows it."""
+    camera = replace(CAMERA, **lens)
+    plain = estimate(*tracks(DRIVES[drive]))
+
+    def shown(points: np.ndarray) -> np.ndarray:
+        plane = (points - [CAMERA.cx, CAMERA.cy]) / [CAMERA.fx, CAMERA.fy]
+        project = cv2.fisheye.projectPoints if camera.fisheye else cv2.projectPoints
+        return project(np.c_[plane, np.ones(len(plane))].reshape(-1, 1, 3), np.zeros(3), np.zeros(3), camera.matrix,
+                       np.array(camera.distortion))[0].reshape(-1, 2)
+
+    found = estimate(*map(shown, tracks(DRIVES[drive])), camera)
+    assert degrees_turned(found.rotation, plain.rotation) < 0.02
+    assert degrees_between(found.direction, plain.direction) < 0.2
+    assert found.epipole == pytest.approx(shown(plain.epipole[None])[0], abs=1.0)
 
 
 def test_travel_parallel_to_the_picture_has_no_epipole_in_it():

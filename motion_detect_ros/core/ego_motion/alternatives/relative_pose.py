@@ -14,13 +14,13 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from motion_detect_ros.core.geometry.distortion import distorted, undistorted
 from motion_detect_ros.core.geometry.epipolar import (
     INLIER_PX,
     MIN_SAMPLES,
     PoseEstimate,
     epipolar_lines,
     estimate_pose,
-    normalised,
     refine_pose,
 )
 from motion_detect_ros.core.geometry.ground_plane import ground_below
@@ -64,7 +64,7 @@ class RelativePoseEstimator:
         """
         camera = camera or CameraModel.guessed(width, height, self._focal_share)
         camera = camera.resized(width, height)
-        q, p = normalised(earlier, camera), normalised(current, camera)
+        q, p = undistorted(earlier, camera), undistorted(current, camera)
         last, self._last = self._last, None
         if len(q) < MIN_SAMPLES:
             return None
@@ -175,7 +175,7 @@ def _relative_pose_of(
     ground = ground_below(q, lines.inverse_depth(lines.position(p)), reach_px, p[:, 1] > 0.0, sigma * camera.fx)
     t = motion.direction
     with np.errstate(divide='ignore', invalid='ignore'):
-        epipole = t[:2] / t[2] * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+        epipole = distorted((t[:2] / t[2])[None], camera)[0]
     plane = None if ground is None else plane_seen_now(ground.coefficients, motion)
     return RelativePose(motion.rotation, t, epipole, plane)
 

@@ -1,0 +1,35 @@
+"""``camera_info_url`` as ROS's camera drivers take it: file:// and package://."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+from sensor_msgs.msg import CameraInfo
+from std_msgs.msg import Header
+
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.sources.calibration_file import CalibrationFile, read_calibration
+
+FILE, PACKAGE = 'file://', 'package://'
+
+
+def calibration_at(url: str) -> CalibrationFile:
+    """The calibration of a ``file:///full/path.yaml`` or ``package://name/path.yaml``. Raises: SourceError."""
+    if url.startswith(FILE):
+        return read_calibration(Path(url.removeprefix(FILE)))
+    if not url.startswith(PACKAGE):
+        raise SourceError(f'camera_info_url: expected {FILE} or {PACKAGE}, got {url!r}')
+    package, _, rest = url.removeprefix(PACKAGE).partition('/')
+    try:
+        return read_calibration(Path(get_package_share_directory(package)) / rest)
+    except (PackageNotFoundError, ValueError):
+        raise SourceError(f'camera_info_url: expected an installed package, got {package!r}') from None
+
+
+def calibration_to_msg(calibration: CalibrationFile, header: Header) -> CameraInfo:
+    """The message that goes with an image."""
+    return CameraInfo(
+        header=header, width=calibration.width, height=calibration.height,
+        distortion_model=calibration.distortion_model, d=list(calibration.d), k=list(calibration.k),
+        r=list(calibration.r), p=list(calibration.p))

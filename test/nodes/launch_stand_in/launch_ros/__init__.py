@@ -1,0 +1,1 @@
+"""As much of ``launch_ros`` as the launch files use."""
