@@ -44,9 +44,8 @@ class OverlayNode(ManagedNode):
         self._reliability = str(declare_simple(
             self, 'image_reliability', 'reliable', 'reliability asked of image publishers',
             choices=('reliable', 'best_effort')))
-        compressed = bool(declare_simple(
-            self, 'compressed', False, 'subscribe to image_raw/compressed instead of image_raw'))
-        self._image = COMPRESSED if compressed else IMAGE
+        self._image = COMPRESSED if declare_simple(
+            self, 'compressed', False, 'subscribe to image_raw/compressed instead of image_raw') else IMAGE
         self._join = ExactJoin(('image', 'detections'), WAITING, REORDER_S)
         self._decoder = ImageDecoder()
         self._markers = MarkerWriter(float(declare_simple(

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
+from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.gyro import Sink
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.stage_node import StageNode, unused_for
 from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, DetectionPublisher, TopicPublisher
 from motion_detect_ros.bridge.track_ids import declare_first_id
+from motion_detect_ros.core.frame_decimation import FrameDecimation
+from motion_detect_ros.core.load_control import LoadControl
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.types import ByteArray, CameraModel
+
+#: How often the load is held against the rate of the images, seconds (``load.adapt``).
+LOAD_PERIOD_S = 1.0
 
 
 class PipelineNode(StageNode):
@@ -21,6 +29,9 @@ class PipelineNode(StageNode):
     def __init__(self) -> None:
         super().__init__('pipeline')
         self._first_id = declare_first_id(self)
+        self._control, self._compute_ms = LoadControl(), list[float]()
+        self._received, self._looked_s = 0, time.monotonic()
+        self.every(LOAD_PERIOD_S, self._follow_load)
 
     @cached_property
     def _pipeline(self) -> MotionPipeline:
@@ -29,7 +40,7 @@ class PipelineNode(StageNode):
 
     def make_stage(self) -> None:
         """Pipeline without history, publishers."""
-        self._pipeline.use_config(self.config)
+        self.use_config(restart=True)
         self._pipeline.reset()
         self._ego_publisher = TopicPublisher(self, EGO_MOTION)
         self._flow_publisher = TopicPublisher(self, FLOW)
@@ -42,16 +53,42 @@ class PipelineNode(StageNode):
         self._ego_publisher.publish(result.ego, header)
         if self._flow_publisher.subscribers:
             self._flow_publisher.publish(result.flow, header)
+        self._compute_ms.append(result.times_ms.total)
         times = tuple((f'{name}_ms', f'{value:.2f}') for name, value in vars(result.times_ms).items())
         self.latest = (
             ('status', result.ego.status.name), ('inliers', str(result.ego.inliers)),
             ('tracks', str(result.ego.tracks)), ('objects', str(len(result.detections))),
-            ('clusters', str(self._pipeline.neurons)), *times, ('total_ms', f'{result.times_ms.total:.2f}'))
+            ('clusters', str(self._pipeline.neurons)), *times, ('total_ms', f'{result.times_ms.total:.2f}'),
+            ('load_cost', f'{self._control.step.cost:g}'))
         return unused_for(result.ego)
 
     def use_config(self, restart: bool) -> None:
         """Other settings from the next image on; the pipeline knows by itself which need a restart."""
+        self._control = LoadControl()
         self._pipeline.use_config(self.config)
+        self._pipeline.limit_width(1.0)
+
+    def condition(self) -> Condition:
+        """As for all stages; and what is left out for want of time."""
+        found = super().condition()
+        return replace(found, concern=', '.join(filter(None, (found.concern, self._control.reduced))))
+
+    def _follow_load(self) -> None:
+        """More or less work where images take longer than their period, or have time to spare."""
+        times, self._compute_ms = self._compute_ms, []
+        now_s, received = time.monotonic(), self.stats.summary(time.monotonic_ns()).received
+        elapsed_s, images = now_s - self._looked_s, received - self._received
+        self._looked_s, self._received = now_s, received
+        if not (self.active and self.config.load.adapt and times and images):
+            return
+        if self._control.decide(1e-3 * sum(times) / len(times), elapsed_s / images):
+            self.locked(self._take_step)
+            self.get_logger().warning(self._control.reduced or 'load: full work again')
+
+    def _take_step(self) -> None:
+        self._pipeline.limit_width(self._control.step.width_share)
+        load = self.config.load
+        self._decimation = FrameDecimation(load.decimation_keep, self._control.step.of * load.decimation_of)
 
     def use_camera(self, camera: CameraModel | None) -> None:
         """Hand the calibration on."""

@@ -72,7 +72,7 @@ def test_a_stage_declares_what_it_uses_and_knows_the_settings_of_others(make_nod
     assert config.tracks == PipelineConfig().tracks
     assert {name for name, _, _ in settings(PipelineConfig()) if node.has_parameter(name)} == {
         name for name, _, _ in settings(PipelineConfig()) if name.startswith('art2.')} | {'optical_flow.baseline_s'}
-    assert unknown_parameters(node) == ('tracks.coast',)
+    assert unknown_parameters(node) == {'tracks.coast': 'tracks.coast_s'}
 
 
 def test_values_that_the_user_gives_are_taken(make_node: MakeNode):

@@ -79,16 +79,16 @@ def test_the_lens_of_the_camera_does_not_matter(drive, lens):
     camera = replace(CAMERA, **lens)
     plain = estimate(*tracks(DRIVES[drive]))
 
-    def shown(points: np.ndarray) -> np.ndarray:
+    def distorted(points: np.ndarray) -> np.ndarray:
         plane = (points - [CAMERA.cx, CAMERA.cy]) / [CAMERA.fx, CAMERA.fy]
         project = cv2.fisheye.projectPoints if camera.fisheye else cv2.projectPoints
         return project(np.c_[plane, np.ones(len(plane))].reshape(-1, 1, 3), np.zeros(3), np.zeros(3), camera.matrix,
                        np.array(camera.distortion))[0].reshape(-1, 2)
 
-    found = estimate(*map(shown, tracks(DRIVES[drive])), camera)
+    found = estimate(*map(distorted, tracks(DRIVES[drive])), camera)
     assert degrees_turned(found.rotation, plain.rotation) < 0.02
     assert degrees_between(found.direction, plain.direction) < 0.2
-    assert found.epipole == pytest.approx(shown(plain.epipole[None])[0], abs=1.0)
+    assert found.epipole == pytest.approx(distorted(plain.epipole[None])[0], abs=1.0)
 
 
 def test_travel_parallel_to_the_picture_has_no_epipole_in_it():
