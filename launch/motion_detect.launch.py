@@ -22,13 +22,14 @@ ARGUMENTS = (
     ('frame_id', 'camera_optical_frame', 'frame_id that the camera node gives its images'),
     ('image_topic', 'image_raw', 'topic of the images'),
     ('camera_info_topic', 'camera_info', 'topic of the calibration'),
-    ('image_reliability', 'reliable', 'reliable or best_effort, as the camera driver publishes'),
-    ('compressed', 'false', 'subscribe to the compressed images of image_topic'),
+    ('image_reliability', 'auto', 'asked of the camera driver; auto: reliable, best effort where it is'),
+    ('image_transport', 'raw', 'raw, or compressed: the compressed images of image_topic'),
     ('rectified', 'false', 'the images are rectified: matrix P of camera_info holds, not K'),
     ('overlay', 'true', 'start the overlay node'),
     ('cpus', '', 'cores that the nodes may run on, as taskset takes them (0,1 or 0-3); empty = all'),
 )
-CHOICES = {'mode': list(STAGES), 'image_reliability': ['reliable', 'best_effort']}
+CHOICES = {'mode': list(STAGES), 'image_reliability': ['auto', 'reliable', 'best_effort'],
+           'image_transport': ['raw', 'compressed']}
 
 
 def describe(context):
@@ -38,7 +39,7 @@ def describe(context):
     common = {'autostart': flag('autostart', value['autostart']),
               'use_sim_time': flag('use_sim_time', value['use_sim_time'])}
     images = {**common, 'image_reliability': value['image_reliability'],
-              'compressed': flag('compressed', value['compressed'])}
+              'image_transport': value['image_transport']}
     stage = {**images, 'rectified': flag('rectified', value['rectified'])}
     stages = STAGES[value['mode']]
     respawn = flag('use_respawn', value['use_respawn'])

@@ -17,10 +17,10 @@ from motion_detect_ros.core.settings import with_settings
 PACKAGE = 'motion_detect_ros'
 #: Parameters of the nodes that are no settings of the perception core; a preset may hold them, offline skips them.
 NODE_PARAMETERS = frozenset({
-    'autostart', 'bag', 'box_distance_m', 'camera_info_url', 'clock', 'compressed', 'decimation_keep',
-    'decimation_of', 'first_id', 'fps', 'frame_id', 'image_reliability', 'loop', 'position_s', 'queue_size', 'rate',
-    'realtime', 'rectified', 'reorder_s', 'source', 'source_secret_file', 'stamp_missing',
-    'start_type_description_service', 'topics', 'use_sim_time', 'wait_for_nodes', 'wait_for_subscribers',
+    'autostart', 'bag', 'box_distance_m', 'camera_info_url', 'clock', 'decimation_keep', 'decimation_of', 'first_id',
+    'fps', 'frame_id', 'image_reliability', 'image_transport', 'loop', 'position_s', 'queue_size', 'rate', 'realtime',
+    'rectified', 'reorder_s', 'source', 'source_secret_file', 'stamp_missing', 'start_type_description_service',
+    'topics', 'use_sim_time', 'wait_for_nodes', 'wait_for_subscribers',
 })
 
 

@@ -19,8 +19,8 @@ TROUBLES = {
 }
 ARRIVAL_USED = 'images carry no stamp (all zero), their time of arrival is used'
 CURES = {
-    'raw': 'set compressed:=true, or use a reliable publisher and image_reliability:=reliable, with the Fast DDS '
-           'profile on both sides (README, Transport)',
+    'raw': 'set image_transport:=compressed, or use a reliable publisher and image_reliability:=reliable, with the '
+           'Fast DDS profile on both sides (README, Transport)',
     'compressed': 'use a reliable publisher and image_reliability:=reliable',
 }
 

@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 from motion_detect_ros.bridge.console import endpoints
 from motion_detect_ros.bridge.diagnostics import Condition, Reporter, StageStats
 from motion_detect_ros.bridge.params import LiveParameters, declare_simple, unknown_parameters
-from motion_detect_ros.bridge.qos import diagnostics_qos, incompatibility, overridable
+from motion_detect_ros.bridge.qos import best_effort, diagnostics_qos, incompatibility, overridable
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.sources.secrets import reason_of
 
@@ -51,6 +51,7 @@ class ManagedNode(LifecycleNode):
         self._subscriptions_made: list[Any] = []
         #: Topic -> why messages of a publisher of it do not arrive.
         self.incompatible: dict[str, str] = {}
+        self._to_relax: list[Callable[[], None]] = []
         self._publishers_made: list[LifecyclePublisher] = []
         self.configured = False
         self.opening = False
@@ -58,7 +59,7 @@ class ManagedNode(LifecycleNode):
         self._reporter = Reporter(self.get_fully_qualified_name(), self.get_name(), self.stats)
         self._reports = self.create_publisher(DiagnosticArray, '/diagnostics', diagnostics_qos())
         self.every(DIAGNOSTICS_PERIOD_S, self.report)
-        self.every(WATCH_PERIOD_S, self._report_worse)
+        self.every(WATCH_PERIOD_S, self._watch)
         self.create_service(Trigger, '~/reset', self._on_reset)
         refuse_impossible_transitions(self)
 
@@ -104,19 +105,34 @@ class ManagedNode(LifecycleNode):
         self.create_timer(period_s, action, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def subscribe(
-        self, kind: Any, name: str, callback: Callable[[Any], None], quality: QoSProfile, **options: Any,
+        self, kind: Any, name: str, callback: Callable[[Any], None], quality: QoSProfile, relax: bool = False,
+        **options: Any,
     ) -> None:
-        """A subscription that lives until deactivation; publishers it is incompatible with are named."""
+        """A subscription that lives until deactivation; publishers it is incompatible with are named.
+
+        relax: where a publisher is best effort, and the subscription reliable, that becomes best effort too.
+        """
         topic = self.resolve_topic_name(name)
 
         def on_incompatible(event: Any) -> None:
             policy = qos_policy_name_from_kind(event.last_policy_kind)
+            if relax and policy == 'RELIABILITY':  # not here: the event belongs to the subscription
+                self._to_relax.append(relaxed)
+                return
             self.incompatible[topic] = incompatibility(topic, policy, quality)
             self.get_logger().warning(self.incompatible[topic], throttle_duration_sec=WARNING_PERIOD_S)
 
-        self._subscriptions_made.append(self.create_subscription(
+        made = self.create_subscription(
             kind, name, callback, quality, event_callbacks=SubscriptionEventCallbacks(incompatible_qos=on_incompatible),
-            **options))
+            **options)
+        self._subscriptions_made.append(made)
+
+        def relaxed() -> None:
+            if made in self._subscriptions_made:
+                self._subscriptions_made.remove(made)
+                self.destroy_subscription(made)
+                self.subscribe(kind, name, callback, best_effort(made.qos_profile))
+                self.get_logger().info(f'{topic} has a best-effort publisher: subscribed best effort')
 
     def serve(self, name: str, action: Callable[[], str]) -> None:
         """A service without arguments that runs ``action`` in the executor and answers with its words."""
@@ -130,6 +146,7 @@ class ManagedNode(LifecycleNode):
     def unsubscribe(self) -> None:
         """End all subscriptions made by ``subscribe``."""
         self.incompatible.clear()
+        self._to_relax.clear()
         while self._subscriptions_made:
             self.destroy_subscription(self._subscriptions_made.pop())
 
@@ -223,7 +240,9 @@ class ManagedNode(LifecycleNode):
         self._reports.publish(self._reporter.report(
             time.monotonic_ns(), self._judged(), stamp, self.extra_diagnostics()))
 
-    def _report_worse(self) -> None:
+    def _watch(self) -> None:
+        while self._to_relax:
+            self._to_relax.pop(0)()
         if self._reporter.worse(time.monotonic_ns(), self._judged()):
             self.report()
 

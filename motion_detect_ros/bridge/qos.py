@@ -13,11 +13,14 @@ LATCHED_DEPTH = 100
 IMU_DEPTH = 400
 DIAGNOSTICS_DEPTH = 10
 MAX_DEPTH = 100_000
-RELIABILITIES = {'reliable': QoSReliabilityPolicy.RELIABLE, 'best_effort': QoSReliabilityPolicy.BEST_EFFORT}
+RELIABILITIES = {'auto': QoSReliabilityPolicy.RELIABLE, 'reliable': QoSReliabilityPolicy.RELIABLE,
+                 'best_effort': QoSReliabilityPolicy.BEST_EFFORT}
+#: Words of the parameter image_reliability, and of image_transport.
+IMAGE_RELIABILITIES, IMAGE_TRANSPORTS = tuple(RELIABILITIES), ('raw', 'compressed')
 
 
 def image_qos(reliability: str = 'reliable', depth: int = IMAGE_DEPTH) -> QoSProfile:
-    """For images and flow. reliability: ``reliable`` or ``best_effort``."""
+    """For images and flow. reliability: ``reliable`` or ``best_effort``; ``auto``: reliable as long as that works."""
     return QoSProfile(history=QoSHistoryPolicy.KEEP_LAST, depth=depth, reliability=RELIABILITIES[reliability])
 
 
@@ -37,6 +40,11 @@ def diagnostics_qos() -> QoSProfile:
     """For ``/diagnostics``: that of diagnostic_updater."""
     return QoSProfile(history=QoSHistoryPolicy.KEEP_LAST, depth=DIAGNOSTICS_DEPTH,
                       reliability=QoSReliabilityPolicy.RELIABLE)
+
+
+def best_effort(quality: QoSProfile) -> QoSProfile:
+    """The same, taking what a best-effort publisher offers."""
+    return QoSProfile(history=quality.history, depth=quality.depth, reliability=QoSReliabilityPolicy.BEST_EFFORT)
 
 
 def imu_qos(reliability: str = 'reliable') -> QoSProfile:

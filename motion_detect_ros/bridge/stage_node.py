@@ -21,7 +21,7 @@ from motion_detect_ros.bridge.image_stream import ImageStream
 from motion_detect_ros.bridge.images import image_from_msg, stamp_ns
 from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode
 from motion_detect_ros.bridge.params import declare_config, declare_simple
-from motion_detect_ros.bridge.qos import image_qos, overridable
+from motion_detect_ros.bridge.qos import IMAGE_RELIABILITIES, IMAGE_TRANSPORTS, image_qos, overridable
 from motion_detect_ros.bridge.sync import ExactJoin
 from motion_detect_ros.bridge.topics import CAMERA_INFO, COMPRESSED, FLOW, IMAGE, Topic
 from motion_detect_ros.bridge.worker import Worker
@@ -60,10 +60,11 @@ class StageNode(ManagedNode):
         self._new_config = self.config
         self.live.add([name for name, _, _ in settings(self.config)], self._take_settings, self._check_settings)
         self._reliability = str(declare_simple(
-            self, 'image_reliability', 'reliable', 'reliability asked of image publishers',
-            choices=('reliable', 'best_effort')))
-        self._compressed = bool(declare_simple(
-            self, 'compressed', False, 'subscribe to image_raw/compressed instead of image_raw'))
+            self, 'image_reliability', 'auto', 'asked of image publishers; auto: reliable, best effort where one is',
+            choices=IMAGE_RELIABILITIES))
+        self._compressed = declare_simple(
+            self, 'image_transport', 'raw', 'images: image_raw or image_raw/compressed',
+            choices=IMAGE_TRANSPORTS) == 'compressed'
         self._rectified = bool(declare_simple(
             self, 'rectified', False, 'the images are rectified: camera_info matrix P holds, not K'))
         self._queue_size = int(declare_simple(
@@ -129,14 +130,14 @@ class StageNode(ManagedNode):
         self._worker = Worker(self._guarded, self._queue_size, self.stats.count_dropped, jumps=not self.inputs)
         quality = image_qos(self._reliability, SUBSCRIPTION_DEPTH)
         self._images = ImageLog(self, self._image_topic.name, [FLOW.name])
-        self._subscribe_input(self._image_topic, 'image', quality)
+        self._subscribe_input(self._image_topic, 'image', quality, self._reliability == 'auto')
         for topic in self.inputs:
             self._subscribe_input(topic, topic.name, image_qos('reliable', SUBSCRIPTION_DEPTH))
         sink = self.gyro_sink() if self.config.imu.use else None
         self._gyro = GyroInput(self, sink, self.config.imu.time_offset_s) if sink else None
         if self.uses_camera:
             self.subscribe(CAMERA_INFO.kind, CAMERA_INFO.name, self._on_camera, image_qos(self._reliability),
-                           qos_overriding_options=overridable())
+                           self._reliability == 'auto', qos_overriding_options=overridable())
 
     def end(self) -> None:
         """Stop the thread."""
@@ -190,8 +191,8 @@ class StageNode(ManagedNode):
         with self._busy:
             action()
 
-    def _subscribe_input(self, topic: Topic, name: str, quality: QoSProfile) -> None:
-        self.subscribe(topic.kind, topic.name, lambda msg: self._on_input(name, msg), quality,
+    def _subscribe_input(self, topic: Topic, name: str, quality: QoSProfile, relax: bool = False) -> None:
+        self.subscribe(topic.kind, topic.name, lambda msg: self._on_input(name, msg), quality, relax,
                        qos_overriding_options=overridable())
 
     def _on_input(self, name: str, msg: Any) -> None:

@@ -65,7 +65,8 @@ class LiveGraph:
         self, preset: str = 'default', nodes: tuple[str, ...] = STAGES, domain_id: int | None = None,
         parameters: tuple[str, ...] = (), compressed: bool = False,
     ) -> None:
-        self._params = ['--params-file', str(_params_file(preset)), '-p', f'compressed:={str(compressed).lower()}']
+        transport = 'compressed' if compressed else 'raw'
+        self._params = ['--params-file', str(_params_file(preset)), '-p', f'image_transport:={transport}']
         self._further = [word for parameter in parameters for word in ('-p', parameter)]
         self._params += ['-p', 'first_id:=1', *self._further]  # as offline
         self._nodes = nodes

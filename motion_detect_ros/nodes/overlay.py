@@ -11,7 +11,7 @@ from motion_detect_ros.bridge.images import image_from_msg, stamp_ns
 from motion_detect_ros.bridge.managed_node import ManagedNode
 from motion_detect_ros.bridge.markers import MarkerWriter
 from motion_detect_ros.bridge.params import declare_simple
-from motion_detect_ros.bridge.qos import image_qos
+from motion_detect_ros.bridge.qos import IMAGE_RELIABILITIES, IMAGE_TRANSPORTS, image_qos
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.sync import ExactJoin
 from motion_detect_ros.bridge.topics import (
@@ -42,10 +42,10 @@ class OverlayNode(ManagedNode):
     def __init__(self) -> None:
         super().__init__('overlay')
         self._reliability = str(declare_simple(
-            self, 'image_reliability', 'reliable', 'reliability asked of image publishers',
-            choices=('reliable', 'best_effort')))
-        self._image = COMPRESSED if declare_simple(
-            self, 'compressed', False, 'subscribe to image_raw/compressed instead of image_raw') else IMAGE
+            self, 'image_reliability', 'auto', 'asked of image publishers; auto: reliable, best effort where one is',
+            choices=IMAGE_RELIABILITIES))
+        self._image = {'raw': IMAGE, 'compressed': COMPRESSED}[str(declare_simple(
+            self, 'image_transport', 'raw', 'images: image_raw or image_raw/compressed', choices=IMAGE_TRANSPORTS))]
         self._join = ExactJoin(('image', 'detections'), WAITING, REORDER_S)
         self._decoder = ImageDecoder()
         self._markers = MarkerWriter(float(declare_simple(
@@ -88,12 +88,12 @@ class OverlayNode(ManagedNode):
         self.unsubscribe()
         self._join.clear()
         self._inputs = wanted
-        quality = image_qos(self._reliability)
+        quality, relax = image_qos(self._reliability), self._reliability == 'auto'
         if self._image in wanted:
-            self.subscribe(self._image.kind, self._image.name, self._on_image, quality)
+            self.subscribe(self._image.kind, self._image.name, self._on_image, quality, relax)
         if DETECTIONS in wanted:
             self.subscribe(DETECTIONS.kind, DETECTIONS.name, self._on_detections, DETECTIONS.qos())
-            self.subscribe(CAMERA_INFO.kind, CAMERA_INFO.name, self._markers.use_camera, image_qos(self._reliability))
+            self.subscribe(CAMERA_INFO.kind, CAMERA_INFO.name, self._markers.use_camera, quality, relax)
         if FLOW in wanted:
             self.subscribe(FLOW.kind, FLOW.name, self._on_flow, quality)
 

@@ -98,7 +98,8 @@ def test_stage_warns_while_it_drops_and_recovers(peer, start):
 
 
 def test_stage_with_a_long_queue_warns_that_it_lags(peer, start):
-    start('pipeline', '-p', 'queue_size:=200', '-p', 'compressed:=true', '-p', 'preprocessing.max_width_px:=1280')
+    start('pipeline', '-p', 'queue_size:=200', '-p', 'image_transport:=compressed',
+          '-p', 'preprocessing.max_width_px:=1280')
     health = Health(peer)
     publisher = peer.advertise(CompressedImage, 'image_raw/compressed')
     assert ready(peer, 'image_raw/compressed')

@@ -149,15 +149,17 @@ def test_detector_starts_what_the_arguments_ask(arguments: dict[str, str], wante
 @pytest.mark.parametrize('true', ['true', 'True', 'TRUE', '1', 'yes', 'on'])
 @pytest.mark.parametrize('false', ['false', 'False', '0', 'no', 'off'])
 def test_flags_are_what_users_of_nav2_write(true: str, false: str, launched):
-    stage, *_ = launched(DETECT, autostart=true, use_sim_time=true, compressed=false, rectified=true, use_respawn=true)
-    assert {name: parameters(stage)[name] for name in ('autostart', 'use_sim_time', 'compressed', 'rectified')} == {
-        'autostart': True, 'use_sim_time': True, 'compressed': False, 'rectified': True}
+    stage, *_ = launched(DETECT, autostart=true, use_sim_time=true, image_transport='compressed', rectified=true,
+                         use_respawn=true)
+    given = parameters(stage)
+    assert {name: given[name] for name in ('autostart', 'use_sim_time', 'image_transport', 'rectified')} == {
+        'autostart': True, 'use_sim_time': True, 'image_transport': 'compressed', 'rectified': True}
     assert stage['respawn'] is True
     stage, *_ = launched(DETECT, autostart=false)
     assert parameters(stage)['autostart'] is False
 
 
-@pytest.mark.parametrize('name', ['autostart', 'use_sim_time', 'compressed', 'rectified', 'use_respawn', 'camera',
+@pytest.mark.parametrize('name', ['autostart', 'use_sim_time', 'rectified', 'use_respawn', 'camera',
                                   'overlay'])
 def test_another_word_for_a_flag_ends_the_launch(name: str, launched):
     with pytest.raises(ConfigError, match=f"launch argument {name}: expected true or false, got 'treu'"):
@@ -165,7 +167,8 @@ def test_another_word_for_a_flag_ends_the_launch(name: str, launched):
 
 
 @pytest.mark.parametrize(('name', 'word', 'options'), [
-    ('mode', 'foo', "'nodes', 'pipeline'"), ('image_reliability', 'best', "'reliable', 'best_effort'")])
+    ('mode', 'foo', "'nodes', 'pipeline'"), ('image_reliability', 'best', "'auto', 'reliable', 'best_effort'"),
+    ('image_transport', 'theora', "'raw', 'compressed'")])
 def test_a_choice_that_there_is_not_ends_the_launch(name: str, word: str, options: str, launched):
     with pytest.raises(RuntimeError, match=f'"{name}" provided value "{word}" is not valid. .*{options}'):
         launched(DETECT, **{name: word})

@@ -26,7 +26,7 @@ def test_a_stage_that_gets_one_image_in_three_names_the_rate_and_the_cure(peer, 
         publisher.publish(image_to_msg(picture(index % 40), header_of((index + 1) * PERIOD_NS, '')))
     assert peer.until(lambda: len(answers) == len(arriving))
     assert peer.until(lambda: reported(reports, 'of the images do not arrive (published at 10.0 Hz by their stamps)'))
-    assert reported(reports, 'set compressed:=true')
+    assert reported(reports, 'set image_transport:=compressed')
     values = {pair.key: pair.value for pair in reports[-1].status[0].values}
     lost = 1.0 - (len(arriving) - 1) / (arriving[-1] - arriving[0])
     assert abs(float(values['lost_share']) - lost) < 0.05
@@ -35,13 +35,35 @@ def test_a_stage_that_gets_one_image_in_three_names_the_rate_and_the_cure(peer, 
 
 
 def test_a_best_effort_camera_and_a_reliable_stage_are_named_with_the_cure(peer, start, tmp_path, shown):
-    start('pipeline', *small())
+    start('pipeline', *small('image_reliability:=reliable'))
     reports = peer.subscribe(DiagnosticArray, '/diagnostics')
     peer.advertise(Image, 'image_raw', best_effort=True)
     words = 'a publisher of /image_raw offers another reliability than RELIABLE; set image_reliability:=best_effort'
     assert peer.until(lambda: reported(reports, words))
     assert words in (tmp_path / 'pipeline.log').read_text()
     shown('a best-effort camera, a reliable stage', 'topic, policy and cure in log and diagnostics', 'named')
+
+
+def test_left_to_itself_a_stage_takes_what_the_driver_offers(peer, start, tmp_path, shown):
+    start('pipeline', *small())
+    reports, answers = peer.subscribe(DiagnosticArray, '/diagnostics'), peer.subscribe(PointCloud2, 'detections')
+    peer.known_to('pipeline')
+    publisher = peer.advertise(Image, 'image_raw', best_effort=True)
+    log = tmp_path / 'pipeline.log'
+    assert peer.until(lambda: '/image_raw has a best-effort publisher' in log.read_text())
+    index = 0
+
+    def answered() -> bool:
+        nonlocal index
+        index += 1
+        publisher.publish(image_to_msg(picture(index % 40), header_of(index * PERIOD_NS, '')))
+        peer.rest(0.1)
+        return len(answers) >= 5
+
+    assert peer.until(answered)
+    reports.clear()
+    assert peer.until(lambda: reports and 'offers another' not in reports[-1].status[0].message)
+    shown('a best-effort camera, a stage left to itself', 'it subscribes best effort too, and answers', 'answered')
 
 
 def test_a_flow_of_another_grid_is_refused_and_named(peer, start, shown):

@@ -38,7 +38,7 @@ def test_markers_need_no_images_and_go_with_their_objects(peer, start):
 
 
 def test_compressed_images_are_drawn_on(peer, start):
-    start('overlay', '-p', 'compressed:=true')
+    start('overlay', '-p', 'image_transport:=compressed')
     publisher = peer.advertise(CompressedImage, 'image_raw/compressed')
     boxes = peer.advertise(PointCloud2, 'detections')
     drawn = peer.subscribe(Image, '/overlay/overlay')

@@ -174,7 +174,7 @@ def jpeg(index: int) -> CompressedImage:
 
 
 def test_compressed_images_give_the_same_answer(peer, start):
-    start('pipeline', *small('compressed:=true'), '-r', '__node:=from_png')
+    start('pipeline', *small('image_transport:=compressed'), '-r', '__node:=from_png')
     start('ego_motion', *small(), '-r', 'ego_motion:=raw_ego')
     compressed, raw = peer.subscribe(PointCloud2, 'ego_motion'), peer.subscribe(PointCloud2, 'raw_ego')
     png, plain = peer.advertise(CompressedImage, 'image_raw/compressed'), peer.advertise(Image, 'image_raw')
