@@ -117,5 +117,5 @@ def test_replay_uses_the_rates_and_refuses_where_there_are_none(tmp_path, capsys
     assert main(['replay', str(tmp_path / 'flight.mcap'), *words]) == 0
     assert '"ok": 11' in (tmp_path / 'out' / 'summary.json').read_text()
     capsys.readouterr()
-    assert main(['replay', str(tmp_path / 'bare.mcap'), *words]) == 2
+    assert main(['replay', str(tmp_path / 'bare.mcap'), *words, '--force']) == 2
     assert 'bare: imu.use expects angular rates (a topic of type Imu, oxts), found none' in capsys.readouterr().err
