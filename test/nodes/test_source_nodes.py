@@ -336,8 +336,8 @@ def test_player_waits_for_the_stages_and_not_for_just_anybody(peer, start, bag, 
     reports = peer.subscribe(DiagnosticArray, '/diagnostics')
     waiting = 'waiting for /pipeline to subscribe to /image_raw or /rear/image_raw'
     assert peer.until(lambda: [message for message in reports if message.status[0].message == waiting])
+    assert peer.until(lambda: waiting in (tmp_path / 'bag_player.log').read_text())
     assert not images
     start('pipeline', *small(*PATIENT))
     assert peer.until(lambda: len(detections) == 8)
     assert [stamp_ns(m.header) for m in detections] == STAMPS
-    assert waiting in (tmp_path / 'bag_player.log').read_text()
