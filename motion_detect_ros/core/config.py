@@ -230,7 +230,7 @@ class ObjectsConfig:
 class TrajectoriesConfig:
     """Small and slow objects, from points tracked for a second."""
 
-    use: bool = setting(False, 'candidates from points tracked over a second, besides those of flow; 20 ms a frame')
+    use: bool = setting(False, 'candidates from points tracked over a second, besides those of flow')
     max_points: int = setting(6000, 'points tracked at once', low=200, high=50000)
 
 

@@ -23,7 +23,7 @@ class Step:
 
 
 #: Costs as measured on the clips (docs/performance.md).
-STEPS = (Step(1.0, 1, 1.0), Step(0.75, 1, 0.65), Step(0.5, 1, 0.4), Step(0.5, 2, 0.2), Step(0.5, 3, 0.14))
+STEPS = (Step(1.0, 1, 1.0), Step(0.75, 1, 0.72), Step(0.5, 1, 0.48), Step(0.5, 2, 0.24), Step(0.5, 3, 0.16))
 
 
 class LoadControl:

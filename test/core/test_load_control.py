@@ -29,7 +29,7 @@ def test_nothing_changes_while_there_is_time() -> None:
     assert control.reduced == ''
 
 
-@pytest.mark.parametrize(('full_ms', 'number'), [(45.0, 1), (70.0, 2), (120.0, 3), (250.0, 4)])
+@pytest.mark.parametrize(('full_ms', 'number'), [(45.0, 1), (70.0, 2), (120.0, 3), (230.0, 4)])
 def test_one_decision_finds_a_step_that_fits(full_ms: float, number: int) -> None:
     control = LoadControl()
     assert played(control, full_ms, 20) == [number] * 20
