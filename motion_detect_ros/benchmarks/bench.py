@@ -23,7 +23,7 @@ MIN_FRAMES = 2 * WARM_FRAMES
 #: Nodes are fed this many times the frames of the other measurements.
 NODE_FRAMES, MEMORY_FRAMES = 5, 10
 #: Parts that start processes.
-NODE_PARTS = ('transport', 'start', 'memory')
+NODE_PARTS = ('transport', 'transport_clip', 'start', 'memory')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -128,6 +128,8 @@ PARTS: dict[str, Callable[[argparse.Namespace], Any]] = {
     'codec': lambda _: [asdict(row) for row in bench_stages.codec_times()],
     'transport': lambda arguments: [
         asdict(row) for row in _nodes().latencies(arguments.preset, NODE_FRAMES * arguments.frames)],
+    'transport_clip': lambda arguments: [
+        asdict(row) for row in _nodes().clip_latencies(NODE_FRAMES * arguments.frames)],
     'start': lambda arguments: asdict(_nodes().start_up(arguments.preset)),
     'memory': lambda arguments: asdict(_nodes().memory(arguments.preset, MEMORY_FRAMES * arguments.frames)),
 }

@@ -78,13 +78,18 @@ class Plain:
         self._before = prepared.gray
 
 
-def clip_costs(frames: int) -> list[dict[str, Any]]:
-    """Rows of every clip of ``CLIPS`` that is there; none without ``MOTION_DETECT_DATA``."""
+def clips_there() -> list[Clip]:
+    """Those of ``CLIPS`` that are there; none without ``MOTION_DETECT_DATA``."""
     data = Path(os.environ.get(DATA_VARIABLE, DATA_DEFAULT))
     if not (data / 'clips.json').is_file():
         return []
     there = {clip.name: clip for clip in read_clips(data)}
-    return [_costs(there[name], frames) for name in CLIPS if name in there]
+    return [there[name] for name in CLIPS if name in there]
+
+
+def clip_costs(frames: int) -> list[dict[str, Any]]:
+    """Rows of every clip of ``clips_there``."""
+    return [_costs(clip, frames) for clip in clips_there()]
 
 
 def _costs(clip: Clip, frames: int) -> dict[str, Any]:

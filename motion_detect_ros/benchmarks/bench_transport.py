@@ -7,7 +7,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 
+from motion_detect_ros.benchmarks.bench_clips import clips_there
 from motion_detect_ros.benchmarks.bench_nodes import NodeProcesses
 from motion_detect_ros.benchmarks.bench_timing import Timing, flight
 from motion_detect_ros.benchmarks.feeder import Answer, Feeder
@@ -79,12 +81,21 @@ def pictures(width: int = 960, height: int = 540) -> list[ByteArray]:
 
 def latencies(preset: str, frames: int) -> list[Latency]:
     """The 960x540 flight through every graph of ``GRAPHS`` at every rate of ``RATES_HZ``."""
-    return [_one_graph(preset, name, frames, rate_hz) for rate_hz in RATES_HZ for name in GRAPHS]
+    return [_one_graph(preset, name, frames, rate_hz, pictures()) for rate_hz in RATES_HZ for name in GRAPHS]
 
 
-def _one_graph(preset: str, name: str, frames: int, rate_hz: float) -> Latency:
+def clip_latencies(frames: int) -> list[Latency]:
+    """The same with the pictures and the preset of the first real clip that is there, at ``RATE_HZ``; else none."""
+    clip = next(iter(clips_there()), None)
+    if clip is None:
+        return []
+    images = [frame.image for frame in islice(clip.source(), LOOP_FRAMES)]
+    return [_one_graph(clip.preset, name, frames, RATE_HZ, images) for name in GRAPHS]
+
+
+def _one_graph(preset: str, name: str, frames: int, rate_hz: float, images: list[ByteArray]) -> Latency:
     domain, nodes = own_domain(), GRAPHS[name]
-    with Feeder(domain, pictures(), rate_hz) as feeder, NodeProcesses(nodes, domain, parameters(preset)) as processes:
+    with Feeder(domain, images, rate_hz) as feeder, NodeProcesses(nodes, domain, parameters(preset)) as processes:
         await_nodes(feeder, processes, len(nodes))
         feed(feeder, processes, SETTLE_FRAMES)
         before = feeder.sent
