@@ -105,7 +105,7 @@ class ClusteringStage:
             self._tracker.coast(ego.matrix if ego.ok else None, ego.dt_s, frame.width, frame.height)
             return empty_detections()
         from_flow = carried
-        if np.isfinite(flow.flow).any() or not self._config.optical_flow.every_s:
+        if flow.measured or not self._config.optical_flow.every_s:
             from_flow = self._last_flow.replaced(self._candidates(frame, reference, flow, self._last_flow.age_s))
         candidates = united(from_flow, from_points, MAX_SIDE_SHARE * frame.width)
         records = self._tracker.step(candidates, ego.matrix, ego.dt_s, frame.width, frame.height, frame.gray)

@@ -193,6 +193,11 @@ class FlowField:
     height: int
     stamp_ns: int
 
+    @property
+    def measured(self) -> bool:
+        """Whether any of it is known: not in frames without a reference, and between flows (``every_s``)."""
+        return bool(np.isfinite(self.flow).any())
+
 
 @dataclass(frozen=True)
 class StageTimes:

@@ -29,11 +29,11 @@ from motion_detect_ros.bridge.topics import (
 )
 from motion_detect_ros.core.drawing import draw_detections, flow_to_color
 from motion_detect_ros.core.stamp_order import REORDER_S
+from motion_detect_ros.core.types import FlowField
 from motion_detect_ros.sources.encoding import ImageDecoder
 
 #: How often its subscribers are counted, seconds; images that may wait for their detections.
-DEMAND_PERIOD_S = 0.5
-WAITING = 10
+DEMAND_PERIOD_S, WAITING = 0.5, 10
 
 
 class OverlayNode(ManagedNode):
@@ -47,17 +47,14 @@ class OverlayNode(ManagedNode):
         self._image = {'raw': IMAGE, 'compressed': COMPRESSED}[str(declare_simple(
             self, 'image_transport', 'raw', 'images: image_raw or image_raw/compressed', choices=IMAGE_TRANSPORTS))]
         self._join = ExactJoin(('image', 'detections'), WAITING, REORDER_S)
-        self._decoder = ImageDecoder()
         self._markers = MarkerWriter(float(declare_simple(
             self, 'box_distance_m', 0.0, 'distance at which ~/markers has boxes too, 0 = none', 0.0, 1000.0)))
-        self._drops = 0
-        self._inputs: tuple[Topic, ...] = ()
+        self._decoder, self._drops, self._inputs = ImageDecoder(), 0, tuple[Topic, ...]()
         self.every(DEMAND_PERIOD_S, self._follow_demand)
 
     def open(self) -> None:
         """Publishers; ``~/overlay/compressed`` is JPEG."""
-        self._overlay = TopicPublisher(self, OVERLAY)
-        self._jpeg = TopicPublisher(self, OVERLAY_JPEG)
+        self._overlay, self._jpeg = TopicPublisher(self, OVERLAY), TopicPublisher(self, OVERLAY_JPEG)
         self._colors = TopicPublisher(self, FLOW_COLORS)
         self._rays = TopicPublisher(self, MARKERS)
 
@@ -116,7 +113,11 @@ class OverlayNode(ManagedNode):
 
     def _on_flow(self, msg: Any) -> None:
         self.stats.count_received(time.monotonic_ns())
-        self._show(lambda: self._colors.publish(flow_to_color(FLOW.from_msg(msg).flow), msg.header), msg)
+        self._show(lambda: self._color(FLOW.from_msg(msg), msg.header), msg)
+
+    def _color(self, field: FlowField, header: Any) -> None:
+        if field.measured:
+            self._colors.publish(flow_to_color(field.flow), header)
 
     def _join_with(self, name: str, msg: Any) -> None:
         messages = self._join.add(name, stamp_ns(msg.header), msg)
@@ -128,9 +129,8 @@ class OverlayNode(ManagedNode):
 
     def _draw(self, image: Any, detections: Any) -> None:
         picture = draw_detections(image_from_msg(image, self._decoder), DETECTIONS.from_msg(detections))
-        for publisher in (self._overlay, self._jpeg):
-            if publisher.subscribers:
-                publisher.publish(picture, image.header)
+        for publisher in (each for each in (self._overlay, self._jpeg) if each.subscribers):
+            publisher.publish(picture, image.header)
 
     def _show(self, action: Callable[[], None], msg: Any) -> None:
         """Runs ``action`` on what ``msg`` brought; an input that cannot be shown costs itself only."""
@@ -140,8 +140,8 @@ class OverlayNode(ManagedNode):
         except Exception as error:  # whatever it is, the next picture may be in order
             self.bad_input(error)
             return
-        latency_ms = 1e3 * (time.perf_counter() - start)
-        self.stats.count_processed(time.monotonic_ns(), latency_ms, (self.now_ns() - stamp_ns(msg.header)) / 1e6)
+        latency_ms, age_ms = 1e3 * (time.perf_counter() - start), (self.now_ns() - stamp_ns(msg.header)) / 1e6
+        self.stats.count_processed(time.monotonic_ns(), latency_ms, age_ms)
 
 
 main = main_of(OverlayNode)

@@ -8,9 +8,9 @@ from peers import image_message, picture, ready
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray
 
-from motion_detect_ros.bridge.images import header_of, image_from_msg, stamp_ns
+from motion_detect_ros.bridge.images import flow_to_msg, header_of, image_from_msg, stamp_ns
 from motion_detect_ros.bridge.records import detections_to_msg
-from motion_detect_ros.core.types import empty_detections
+from motion_detect_ros.core.types import FlowField, empty_detections
 
 
 def seen(stamp: int, *ids: int, bearing: float = 1.0) -> PointCloud2:
@@ -52,3 +52,15 @@ def test_compressed_images_are_drawn_on(peer, start):
     assert peer.until(lambda: drawn)
     assert drawn[0].header == header
     np.testing.assert_array_equal(image_from_msg(drawn[0]), picture(0))
+
+
+def test_flow_is_drawn_where_it_was_measured(peer, start):
+    """Between two flows (``optical_flow.every_s``) the messages hold none."""
+    start('overlay')
+    flows, drawn = peer.advertise(Image, 'flow'), peer.subscribe(Image, '/overlay/flow')
+    assert ready(peer, 'flow')
+    for stamp, value in ((1, 3.0), (2, np.nan), (3, 3.0)):
+        flow = np.full((12, 16, 2), value, np.float32)
+        flows.publish(flow_to_msg(FlowField(flow, 64, 48, stamp), header_of(stamp, 'front')))
+    assert peer.until(lambda: len(drawn) == 2)
+    assert [stamp_ns(message.header) for message in drawn] == [1, 3]
