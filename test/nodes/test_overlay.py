@@ -59,8 +59,15 @@ def test_flow_is_drawn_where_it_was_measured(peer, start):
     start('overlay')
     flows, drawn = peer.advertise(Image, 'flow'), peer.subscribe(Image, '/overlay/flow')
     assert ready(peer, 'flow')
-    for stamp, value in ((1, 3.0), (2, np.nan), (3, 3.0)):
+
+    def publish(stamp: int, value: float) -> None:
         flow = np.full((12, 16, 2), value, np.float32)
         flows.publish(flow_to_msg(FlowField(flow, 64, 48, stamp), header_of(stamp, 'front')))
+
+    publish(1, 3.0)
+    assert peer.until(lambda: len(drawn) == 1)
+    publish(2, np.nan)
+    peer.rest(1.0)
+    publish(3, 3.0)
     assert peer.until(lambda: len(drawn) == 2)
     assert [stamp_ns(message.header) for message in drawn] == [1, 3]
