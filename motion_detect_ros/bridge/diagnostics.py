@@ -13,6 +13,8 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Header
 
+from motion_detect_ros.core.self_tuning import Tuned
+
 #: Latest frames that rates and latencies are taken over.
 WINDOW = 200
 #: Silence after which frames no longer flow, seconds, and in periods of a slow source.
@@ -193,6 +195,12 @@ class Reporter:
         status = DiagnosticStatus(
             level=level, name=self._name, message=message, hardware_id=self._hardware_id, values=values)
         return DiagnosticArray(header=Header(stamp=stamp), status=[status])
+
+
+def tuned_pairs(tuned: Tuned) -> tuple[tuple[str, str], ...]:
+    """The settings in use that may follow the scene (``self_tuning``), as key-value pairs."""
+    return (('noise_floor_px', f'{tuned.noise_floor_px:.3f}'), ('initial_neurons', str(tuned.initial_neurons)),
+            ('max_neurons', str(tuned.max_neurons)))
 
 
 def silent(summary: Summary) -> str:

@@ -163,8 +163,9 @@ class ManagedNode(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle: inactive from now on."""
         start_s = time.monotonic()
-        for name in unknown_parameters(self):
-            self.get_logger().warning(f'parameter {name} is unknown and has no effect')
+        for name, close in unknown_parameters(self).items():
+            hint = f'; did you mean {close}?' if close else ''
+            self.get_logger().warning(f'parameter {name} is unknown and has no effect{hint}')
         self.opening = True
         result = self._attempt(self.open)
         self.opening = False

@@ -51,6 +51,8 @@ class StageNode(ManagedNode):
     inputs: tuple[Topic, ...] = ()
     #: Whether the stage has a use for the calibration.
     uses_camera = True
+    #: Whether it needs the kernels behind the flow, which take long to compile.
+    detects = True
     #: Beginnings of the names of the settings that the stage uses.
     used: tuple[str, ...] = ('',)
 
@@ -112,7 +114,7 @@ class StageNode(ManagedNode):
         """Warm kernels, publishers, stage."""
         use_threads(self.config.load)
         with compilation_told(self._tell_compilation):
-            warm_up(self.config)
+            warm_up(self.config, self.detects)
         self._camera_in_use = None
         self.make_stage()
 

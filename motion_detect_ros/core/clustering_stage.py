@@ -14,6 +14,7 @@ from motion_detect_ros.core.geometry.bearings import bearings
 from motion_detect_ros.core.geometry.frame_history import ReferenceFrame
 from motion_detect_ros.core.optical_flow.conversion import residual_flow
 from motion_detect_ros.core.preprocessing.scene_mask import scene_cells
+from motion_detect_ros.core.self_tuning import Tuned
 from motion_detect_ros.core.tracking.tracker import Tracker
 from motion_detect_ros.core.trajectories.clusters import MAX_SIDE_SHARE
 from motion_detect_ros.core.trajectories.finder import TrajectoryFinder
@@ -51,7 +52,7 @@ class ClusteringStage:
     def restart(self, config: PipelineConfig) -> None:
         """Any settings, without any history; ids go on counting."""
         self._config = config
-        self._scene = BackgroundSelector(config.background)
+        self._scene = BackgroundSelector(config.background, config.self_tuning)
         self._detector = MotionDetector(config, self._clusterer)
         self._last_flow = LastFlow(config.optical_flow.every_s)
         self._trajectories = TrajectoryFinder(config) if config.trajectories.use else None
@@ -72,6 +73,12 @@ class ClusteringStage:
     def neurons(self) -> int:
         """Committed ART2 neurons, the background's included."""
         return self._detector.neurons
+
+    @property
+    def tuned(self) -> Tuned:
+        """The settings in use that ``self_tuning`` may have changed."""
+        art2 = self._detector.art2
+        return Tuned(self._scene.noise_floor_px, art2.initial_neurons, art2.max_neurons)
 
     def reset(self) -> None:
         """Clear earlier frames, neurons and tracks; ids go on counting."""
@@ -94,11 +101,8 @@ class ClusteringStage:
         if ego.status in STARTS_ANEW or (last is not None and _unlike(last, frame)):
             for part in (self._scene, self._detector, self._last_flow, self._tracker):
                 part.reset()
-        elif last is not None and last.gray.shape != frame.gray.shape:  # only the working resolution has changed
-            for part in (self._scene, self._detector):
-                part.reset()
-        elif last is not None and last.stamp_ns < ego.prev_stamp_ns:
-            self._tracker.coast_without_frame((ego.prev_stamp_ns - last.stamp_ns) / NANOSECONDS, frame.width)
+        elif last is not None:
+            self._continue(last, frame, ego)
         from_points = self._from_points(frame, ego)
         carried = self._last_flow.carried(ego)
         if reference is None:
@@ -110,6 +114,14 @@ class ClusteringStage:
         candidates = united(from_flow, from_points, MAX_SIDE_SHARE * frame.width)
         records = self._tracker.step(candidates, ego.matrix, ego.dt_s, frame.width, frame.height, frame.gray)
         return bearings(records, self.camera and self.camera.resized(frame.width, frame.height))
+
+    def _continue(self, last: PreparedFrame, frame: PreparedFrame, ego: EgoMotion) -> None:
+        if last.gray.shape != frame.gray.shape:  # only the working resolution has changed
+            for part in (self._scene, self._detector):
+                part.reset()
+        if last.stamp_ns < ego.prev_stamp_ns:  # the frame between them is missing, and the motion into it
+            self._last_flow.reset()
+            self._tracker.coast_without_frame((ego.prev_stamp_ns - last.stamp_ns) / NANOSECONDS, frame.width)
 
     def _candidates(
         self, frame: PreparedFrame, reference: ReferenceFrame, flow: FlowField, dt_s: float,

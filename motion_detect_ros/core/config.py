@@ -6,10 +6,11 @@ one place to change a setting.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.core.regions import parse_regions
+from motion_detect_ros.core.self_tuning import SelfTuningConfig
 from motion_detect_ros.core.settings import setting
 
 #: Methods of dense flow (``core.flow_methods``).
@@ -293,3 +294,4 @@ class PipelineConfig:
     trajectories: TrajectoriesConfig = TrajectoriesConfig()
     tracks: TracksConfig = TracksConfig()
     load: LoadConfig = LoadConfig()
+    self_tuning: SelfTuningConfig = field(default_factory=SelfTuningConfig)

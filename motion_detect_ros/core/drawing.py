@@ -7,7 +7,7 @@ import colorsys
 import cv2
 import numpy as np
 
-from motion_detect_ros.core.types import ByteArray, FloatArray, RecordArray
+from motion_detect_ros.core.types import ByteArray, DoubleArray, FloatArray, RecordArray
 
 #: Labels show the last five digits of an id.
 LABELS = 100_000
@@ -33,17 +33,24 @@ def draw_detections(image: ByteArray, records: RecordArray) -> ByteArray:
     an arrow whose velocity is not finite too.
     """
     canvas = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image.copy()
-    thickness = max(1, round(canvas.shape[1] / 640))
+    thickness = line_px(canvas.shape[1])
     for record in records:
         if all(np.isfinite(record[name]) for name in ('u', 'v', 'width', 'height')):
             _draw_one(canvas, record, thickness)
     return canvas
 
 
-def draw_boxes(image: ByteArray, boxes: FloatArray, color: tuple[int, int, int]) -> None:
-    """Thin rectangles into a BGR image. boxes: (N, 4) x, y, w, h, pixels."""
+def line_px(width: int) -> int:
+    """Thickness of lines on a picture of this width, pixels."""
+    return max(1, round(width / 640))
+
+
+def draw_boxes(
+    image: ByteArray, boxes: FloatArray | DoubleArray, color: tuple[int, int, int], thickness_px: int = 1,
+) -> None:
+    """Rectangles into a BGR image. boxes: (N, 4) x, y, w, h, pixels."""
     for x, y, w, h in np.asarray(boxes, np.float64).reshape(-1, 4):
-        cv2.rectangle(image, (round(x), round(y)), (round(x + w), round(y + h)), color, 1)
+        cv2.rectangle(image, _pixel(x, y), _pixel(x + w, y + h), color, thickness_px)
 
 
 def flow_to_color(flow: FloatArray, full_px: float | None = None) -> ByteArray:

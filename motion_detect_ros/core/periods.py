@@ -29,13 +29,13 @@ class Every:
 
     def reset(self) -> None:
         """The next frame is a first one."""
-        self.since_s = math.inf
+        self._since_s = math.inf
 
     def due(self, dt_s: float) -> bool:
         """Call once for each frame. dt_s: since the one before, seconds."""
-        self.since_s += dt_s
-        return reached(self.since_s, self._seconds, dt_s)
+        self._since_s += dt_s
+        return reached(self._since_s, self._seconds, dt_s)
 
     def done(self) -> None:
         """It was done in the frame that ``due`` was last called for."""
-        self.since_s = 0.0
+        self._since_s = 0.0

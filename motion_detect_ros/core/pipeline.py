@@ -16,6 +16,7 @@ from motion_detect_ros.core.geometry.frame_history import FrameHistory, Referenc
 from motion_detect_ros.core.optical_flow.stage import OpticalFlowStage
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.reconfiguration import structural_changes
+from motion_detect_ros.core.self_tuning import Tuned
 from motion_detect_ros.core.types import (
     NANOSECONDS,
     CameraModel,
@@ -68,6 +69,11 @@ class MotionPipeline:
     def neurons(self) -> int:
         """Committed ART2 neurons, the background's included."""
         return self._clustering.neurons
+
+    @property
+    def tuned(self) -> Tuned:
+        """The settings in use that ``self_tuning`` may have changed."""
+        return self._clustering.tuned
 
     def process(self, image: npt.NDArray[np.uint8], stamp_ns: int) -> Result:
         """Detect the independently moving objects in ``image``.
@@ -151,8 +157,11 @@ def use_threads(config: LoadConfig) -> None:
         cv2.setNumThreads(config.threads)
 
 
-def warm_up(config: PipelineConfig) -> None:
-    """Compile (or load from the cache) every kernel and allocate buffers, so that the first frame is not delayed."""
+def warm_up(config: PipelineConfig, detection: bool = True) -> None:
+    """Compile (or load from the cache) every kernel and allocate buffers, so that the first frame is not delayed.
+
+    detection: also those behind the flow, most of all.
+    """
     seen = replace(config.preprocessing, ignore_top_px=0, ignore_regions='')  # made for images of another size
     tracks = replace(config.tracks, confirm_s=0.0, confirm_log_odds=-100.0)
     pipeline = MotionPipeline(replace(config, preprocessing=seen, tracks=tracks))
@@ -164,4 +173,6 @@ def warm_up(config: PipelineConfig) -> None:
         image = ground.copy()
         left = 40 + 6 * index
         image[60:100, left:left + 40] = thing
-        pipeline.process(image, (index + 1) * NANOSECONDS // 25)
+        measured = pipeline.measure(image, (index + 1) * NANOSECONDS // 25)
+        if detection:
+            pipeline.detect(measured)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
+from motion_detect_ros.bridge.diagnostics import tuned_pairs
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.stage_node import StageNode, unused_for
@@ -24,7 +25,7 @@ class Art2ClusteringNode(StageNode):
 
     inputs = (FLOW, EGO_MOTION)
     used = ('preprocessing.', 'optical_flow.baseline_s', 'optical_flow.every_s', 'background.', 'art2.', 'objects.',
-            'trajectories.', 'tracks.', 'load.')
+            'trajectories.', 'tracks.', 'load.', 'self_tuning.')
 
     def __init__(self) -> None:
         super().__init__('art2_clustering')
@@ -62,7 +63,8 @@ class Art2ClusteringNode(StageNode):
         reference = self._history.step(frame, ego)
         records = self._stage.process(frame, ego, reference, replace(flow, width=frame.width, height=frame.height))
         self._publisher.publish(records, header)
-        self.latest = (('objects', str(len(records))), ('clusters', str(self._stage.neurons)))
+        self.latest = (('objects', str(len(records))), ('clusters', str(self._stage.neurons)),
+                       *tuned_pairs(self._stage.tuned))
         return unused_for(ego, reference is not None)
 
     def use_camera(self, camera: CameraModel | None) -> None:

@@ -88,7 +88,8 @@ class CameraNode(SourceNode):
             return idle
         behind = 'slower than the camera' if self._capture.stats.behind else ''
         starting = time.monotonic() - self._began_s < STARTING_S
-        fault = '' if starting else silent(self.stats.summary(time.monotonic_ns()))
+        silence = '' if starting else silent(self.stats.summary(time.monotonic_ns()))
+        fault = ': '.join(filter(None, (silence, self._capture.trouble))) if silence else ''
         if bool(fault) != self._lost:
             self._lost = bool(fault)
             self.get_logger().warning(f'{masked(self._source)}: {fault or "pictures come again"}')

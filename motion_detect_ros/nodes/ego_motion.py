@@ -17,6 +17,7 @@ from motion_detect_ros.core.types import ByteArray, CameraModel
 class EgoMotionNode(StageNode):
     """Publishes how the camera's own motion moved the background, with covariance and status."""
 
+    detects = False
     used = ('preprocessing.', 'ego_motion.', 'imu.', 'background.focal_share', 'load.')
 
     def __init__(self) -> None:

@@ -19,6 +19,7 @@ class OpticalFlowNode(StageNode):
 
     inputs = (EGO_MOTION,)
     uses_camera = False
+    detects = False
     used = ('preprocessing.', 'optical_flow.', 'load.')
 
     def __init__(self) -> None:

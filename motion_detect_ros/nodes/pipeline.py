@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
-from motion_detect_ros.bridge.diagnostics import Condition
+from motion_detect_ros.bridge.diagnostics import Condition, tuned_pairs
 from motion_detect_ros.bridge.gyro import Sink
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.runner import main_of
@@ -58,8 +58,8 @@ class PipelineNode(StageNode):
         self.latest = (
             ('status', result.ego.status.name), ('inliers', str(result.ego.inliers)),
             ('tracks', str(result.ego.tracks)), ('objects', str(len(result.detections))),
-            ('clusters', str(self._pipeline.neurons)), *times, ('total_ms', f'{result.times_ms.total:.2f}'),
-            ('load_cost', f'{self._control.step.cost:g}'))
+            ('clusters', str(self._pipeline.neurons)), *tuned_pairs(self._pipeline.tuned), *times,
+            ('total_ms', f'{result.times_ms.total:.2f}'), ('load_cost', f'{self._control.step.cost:g}'))
         return unused_for(result.ego)
 
     def use_config(self, restart: bool) -> None:

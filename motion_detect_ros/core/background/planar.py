@@ -35,12 +35,14 @@ class Background:
     """``flow``: (gh, gw, 2) residual flow of the background; ``sigma_px``: (gh, gw) its noise, one deviation.
 
     ``smooth``: one surface, known everywhere; else each cell's flow is that of the static point closest to what was
-    measured there, which is not the background behind an object.
+    measured there, which is not the background behind an object. ``spread_px``: the measured part of the noise, one
+    component, without floor and share; NaN where nothing was measured.
     """
 
     flow: FloatArray
     sigma_px: FloatArray
     smooth: bool = True
+    spread_px: float = math.nan
 
     def behind(self, moving: BoolArray) -> Background:
         """The background with the cells of objects (gh, gw) filled from their surroundings.
@@ -61,7 +63,7 @@ class Background:
             hidden &= ~reached
             if not hidden.any():
                 break
-        return Background(filled, self.sigma_px, smooth=False)
+        return Background(filled, self.sigma_px, smooth=False, spread_px=self.spread_px)
 
 
 def motion_vectors(residual: FloatArray, background: Background) -> FloatArray:
@@ -89,7 +91,8 @@ def fit_background(residual: FloatArray, config: BackgroundConfig, magnitude: Fl
     design = np.stack([np.ones_like(across), across, down, across * across, across * down, down * down])
     solution, sigma = _irls(design, residual.reshape(-1, 2)[used].T.astype(np.float64))
     base = max(config.noise_floor_px, sigma)
-    return Background(_surface(solution, x, y), (base + config.noise_share * magnitude).astype(np.float32))
+    sigma_px = (base + config.noise_share * magnitude).astype(np.float32)
+    return Background(_surface(solution, x, y), sigma_px, spread_px=sigma)
 
 
 def background_of_static_points(
@@ -101,10 +104,11 @@ def background_of_static_points(
     what no static point can do of it. The noise is the measured spread of the latter plus a share of the flow.
     """
     known = np.isfinite(residual[..., 0])
-    sigma = max(config.noise_floor_px, rayleigh_sigma(np.hypot(object_flow[..., 0], object_flow[..., 1])[known]))
+    spread_px = rayleigh_sigma(np.hypot(object_flow[..., 0], object_flow[..., 1])[known])
     length = np.hypot(flow[..., 0], flow[..., 1])
-    sigma_px = sigma + config.depth_noise_share * np.nan_to_num(length)
-    return Background((residual - object_flow).astype(np.float32), sigma_px.astype(np.float32), smooth=False)
+    sigma_px = max(config.noise_floor_px, spread_px) + config.depth_noise_share * np.nan_to_num(length)
+    return Background(
+        (residual - object_flow).astype(np.float32), sigma_px.astype(np.float32), smooth=False, spread_px=spread_px)
 
 
 def _surface(solution: DoubleArray, x: DoubleArray, y: DoubleArray) -> FloatArray:

@@ -10,12 +10,14 @@ import math
 
 import numpy as np
 
+from motion_detect_ros.core.background.noise_floor import NoiseFloor
 from motion_detect_ros.core.background.planar import Background, fit_background
 from motion_detect_ros.core.background.static_points import fit_static_scene
 from motion_detect_ros.core.config import BackgroundConfig
 from motion_detect_ros.core.forgetting import kept
 from motion_detect_ros.core.geometry.epipolar import PoseEstimate
 from motion_detect_ros.core.geometry.vectors import magnitude
+from motion_detect_ros.core.self_tuning import SelfTuningConfig
 from motion_detect_ros.core.types import CameraModel, FloatArray
 
 #: Dimensions of a correspondence, and of those the free ones on a surface and in space.
@@ -26,21 +28,30 @@ PER_DIMENSION, OUTLIER = math.log(4.0), 2.0
 NOISE_PX, NOISE_SHARE = 0.3, 0.02
 #: Time constant of the smoothed score, seconds, and how far it must cross zero before the model changes.
 SCORE_MEMORY_S, HYSTERESIS = 0.11, 0.2
+#: Settings stay as they are given.
+OFF = SelfTuningConfig()
 
 
 class BackgroundSelector:
     """Fits the background of each frame; keeps the camera's motion and the model in use."""
 
-    def __init__(self, config: BackgroundConfig) -> None:
-        self._config = config
+    def __init__(self, config: BackgroundConfig, tuning: SelfTuningConfig = OFF) -> None:
+        self._floor = NoiseFloor(config, tuning)
         self.reset()
 
     def use_config(self, config: BackgroundConfig) -> None:
         """Settings from the next frame on."""
-        self._config = config
+        self._floor.use_config(config)
+
+    @property
+    def noise_floor_px(self) -> float:
+        """The floor in use, pixels."""
+        return self._floor.config.noise_floor_px
 
     def reset(self) -> None:
         """Clear the camera's motion; planar until the criterion changes it."""
+        self._floor.reset()
+        self._smooth = True
         self._motion: PoseEstimate | None = None
         self._score: float | None = None
         self.three_dimensional = False
@@ -51,22 +62,32 @@ class BackgroundSelector:
         flow: (gh, gw, 2) total displacement, full-resolution pixels of the camera; residual: the same without
         the ego-motion, NaN = invalid; dt_s: since the frame before.
         """
+        background = self._fit(flow, residual, camera, self._floor.config, dt_s)
+        if background.smooth != self._smooth:  # what the one does not explain is no noise of the other
+            self._smooth = background.smooth
+            self._floor.reset()
+        self._floor.follow(background.spread_px, dt_s)
+        return background
+
+    def _fit(
+        self, flow: FloatArray, residual: FloatArray, camera: CameraModel, config: BackgroundConfig, dt_s: float,
+    ) -> Background:
         length = magnitude(np.nan_to_num(flow))
-        planar = fit_background(residual, self._config, length)
-        if self._config.model == 'planar':
+        planar = fit_background(residual, config, length)
+        if config.model == 'planar':
             return planar
         sigma = NOISE_PX + NOISE_SHARE * length
         cost, perfect = _cost(residual, planar, sigma, SURFACE_DIMENSION), SPACE_DIMENSION * PER_DIMENSION
-        if self._config.model == 'auto' and cost <= perfect and not self.three_dimensional:
+        if config.model == 'auto' and cost <= perfect and not self.three_dimensional:
             self._decide(cost - perfect, dt_s)  # even a perfect fit in space has the higher criterion
             return planar
-        scene = fit_static_scene(flow, residual, camera, self._config, self._motion)
+        scene = fit_static_scene(flow, residual, camera, config, self._motion)
         if scene is None:
             return planar
         self._motion = scene.motion
-        if self._config.model == 'auto':
+        if config.model == 'auto':
             self._decide(cost - _cost(residual, scene.background, sigma, SPACE_DIMENSION), dt_s)
-        return scene.background if self.three_dimensional or self._config.model == 'epipolar' else planar
+        return scene.background if self.three_dimensional or config.model == 'epipolar' else planar
 
     def _decide(self, score: float, dt_s: float) -> None:
         """score: criterion of the planar less that of the three-dimensional model."""

@@ -17,12 +17,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 
 from motion_detect_ros.core.clustering.alternatives.art2_classic import Art2Classic
 from motion_detect_ros.core.clustering.art2_network import MAX_PASSES, NOT_PRESENTED, Art2Network, LabelArray
 from motion_detect_ros.core.config import Art2Config
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import DoubleArray, FloatArray
 
 __all__ = ['MAX_PASSES', 'NOT_PRESENTED', 'Art2', 'LabelArray', 'make_art2', 'similarity']
@@ -84,14 +84,14 @@ class Art2(Art2Network[Presented]):
         return matches
 
 
-@numba.njit(cache=True, nogil=True, fastmath=False)
+@kernel()
 def similarity(sx, sy, tx, ty):  # type: ignore[no-untyped-def]
     """Match of an input with a prototype, in [0, 1]; see the module's docstring."""
     distance = np.sqrt((sx - tx) ** 2 + (sy - ty) ** 2)
     return 1.0 - distance / (np.sqrt(sx * sx + sy * sy) + np.sqrt(tx * tx + ty * ty) + 1.0)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _lengths(vectors):  # type: ignore[no-untyped-def]
     """(N,) float32 length of each row, NaN where it is not finite."""
     length = np.empty(vectors.shape[0], np.float32)
@@ -103,7 +103,7 @@ def _lengths(vectors):  # type: ignore[no-untyped-def]
     return length
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _background_match(length):  # type: ignore[no-untyped-def]
     """(N,) similarity with the background, whose length is 0."""
     background_match = np.empty(length.shape[0], np.float64)
@@ -112,7 +112,7 @@ def _background_match(length):  # type: ignore[no-untyped-def]
     return background_match
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _match(vectors, length, i, prototypes, j, prototype_length):  # type: ignore[no-untyped-def]
     """``similarity`` of vector i and prototype j, in any dimension."""
     total = np.float32(0.0)
@@ -122,7 +122,7 @@ def _match(vectors, length, i, prototypes, j, prototype_length):  # type: ignore
     return 1.0 - np.sqrt(total) / (length[i] + prototype_length + 1.0)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _compete(vectors, length, background_match, prototypes, vigilance, labels, match):  # type: ignore[no-untyped-def]
     """F2: background first, then the best of the others; returns how many labels changed.
 
@@ -148,7 +148,7 @@ def _compete(vectors, length, background_match, prototypes, vigilance, labels, m
     return changed
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _compete_new(vectors, length, background_match, prototypes, vigilance, labels, match):  # type: ignore[no-untyped-def]
     """The newest neuron takes the vectors it matches best, but none that resonates with the background."""
     new = prototypes.shape[0] - 1
@@ -162,7 +162,7 @@ def _compete_new(vectors, length, background_match, prototypes, vigilance, label
                     labels[i] = new
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _learn(vectors, labels, prototypes, rate):  # type: ignore[no-untyped-def]
     """Resonance: every neuron but the background moves towards the mean of the vectors it won."""
     count = np.zeros(prototypes.shape[0], np.int64)

@@ -13,12 +13,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Generic, Protocol, TypeVar
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from motion_detect_ros.core.config import Art2Config
 from motion_detect_ros.core.errors import MotionDetectError
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import DoubleArray, FloatArray
 
 LabelArray = npt.NDArray[np.int32]
@@ -210,7 +210,7 @@ class Art2Network(ABC, Generic[F1]):
         return vectors
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _most_novel(vectors, background_match, match, below):  # type: ignore[no-untyped-def]
     """Index (-1: none) and match of the worst-matched vector of those that match the background by less than given.
 
@@ -225,7 +225,7 @@ def _most_novel(vectors, background_match, match, below):  # type: ignore[no-unt
     return novel, lowest
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _precedes(vectors, i, j):  # type: ignore[no-untyped-def]
     """Lexicographic order of rows."""
     for d in range(vectors.shape[1]):

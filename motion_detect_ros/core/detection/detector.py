@@ -9,7 +9,8 @@ from motion_detect_ros.core.clustering.art2 import make_art2
 from motion_detect_ros.core.clustering.art2_network import Art2Network
 from motion_detect_ros.core.clustering.clusterer import Clusterer
 from motion_detect_ros.core.clustering.feature_vectors import FeatureVectors
-from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.clustering.neuron_counts import NeuronCounts
+from motion_detect_ros.core.config import Art2Config, PipelineConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.expansion import with_growth
 from motion_detect_ros.core.detection.motion_field import MotionField
@@ -32,24 +33,36 @@ class MotionDetector:
     def __init__(self, config: PipelineConfig, clusterer: Clusterer | None = None) -> None:
         self._vectors = FeatureVectors(config.art2)
         self._clusterer = clusterer or make_art2(config.art2)
+        self._counts = NeuronCounts(config.art2, config.self_tuning)
         self.use_config(config)
 
     def use_config(self, config: PipelineConfig) -> None:
         """Settings from the next frame on that keep the neurons (``core.reconfiguration``)."""
         self._join_match = config.objects.join_match
         self._finder = ObjectFinder(config.objects)
+        self._counts.use_config(config.art2)
+        self._use_counts()
+
+    def _use_counts(self) -> None:
         if isinstance(self._clusterer, Art2Network):
-            self._clusterer.use_config(config.art2)
+            self._clusterer.use_config(self._counts.config)
 
     @property
     def neurons(self) -> int:
         """Committed neurons, the background's included."""
         return len(self._clusterer.prototypes)
 
+    @property
+    def art2(self) -> Art2Config:
+        """ART2's settings in use."""
+        return self._counts.config
+
     def reset(self) -> None:
         """Clear the neurons."""
         self._clusterer.reset()
         self._vectors.reset()
+        self._counts.reset()
+        self._use_counts()
 
     def candidates(
         self, flow: FlowField, residual: FloatArray, background: Background, frame: PreparedFrame,
@@ -62,6 +75,8 @@ class MotionDetector:
         """
         motion = motion_vectors(residual, background)
         labels = self._clusterer.partial_fit(self._vectors.of(motion), dt_s).reshape(motion.shape[:2])
+        self._counts.follow(labels, dt_s)
+        self._use_counts()
         clusters = cluster_motions(labels, motion, len(self._clusterer.names))
         segments = connected_segments(labels, clusters, self._join_match)
         field = MotionField(residual, background.behind(labels > 0), reference.seconds, frame.scale)

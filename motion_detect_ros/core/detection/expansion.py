@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numba
 import numpy as np
 
 from motion_detect_ros.core.detection.candidate import Candidate, Growth
 from motion_detect_ros.core.geometry.order_statistics import median
 from motion_detect_ros.core.geometry.robust import RAYLEIGH_MEDIAN, TUKEY_C
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import FloatArray, FlowField
 
 #: Least number of cells of a measurement.
@@ -68,7 +68,7 @@ def _log_size(seen: Candidate, width: int, height: int) -> float:
     return 0.5 * math.log(across * down) if beside >= BORDER_PX else math.nan
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _shrinkage(  # type: ignore[no-untyped-def]
     flow, object_flow, motion_x, motion_y, left, top, right, bottom, cell_x, cell_y,
 ):
@@ -107,7 +107,7 @@ def _shrinkage(  # type: ignore[no-untyped-def]
     return scale, variance, count
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _similarity(x, y, u, v, weight):  # type: ignore[no-untyped-def]
     """Weighted least squares: a, b, weighted spread of the positions, weighted means of x, y, u, v."""
     total = sx = sy = su = sv = 0.0

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import numba
 import numpy as np
 
 from motion_detect_ros.core.background.planar import Background
 from motion_detect_ros.core.detection.segments import Segment
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.order_statistics import median
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import FloatArray
 
 #: Margin around an object in which the share of known flow is measured, cells.
@@ -68,7 +68,7 @@ class MotionField:
         return float(_known_around(self.residual, rows.start, rows.stop, columns.start, columns.stop))
 
 
-@numba.njit(cache=True, nogil=True, error_model='numpy')
+@kernel(error_model='numpy')
 def _enlarged(flow, left, top, right, bottom, width, height, scale):  # type: ignore[no-untyped-def]
     """(bottom - top, right - left, 2) pixels of a grid over a ``width`` x ``height`` image, linear, times ``scale``.
 
@@ -92,7 +92,7 @@ def _enlarged(flow, left, top, right, bottom, width, height, scale):  # type: ig
     return enlarged
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _median_motion(residual, rows, columns):  # type: ignore[no-untyped-def]
     """(2,) median of the cells (n,)."""
     cells = np.empty((2, len(rows)), np.float32)
@@ -103,7 +103,7 @@ def _median_motion(residual, rows, columns):  # type: ignore[no-untyped-def]
     return motion
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _object_motion(residual, flow, sigma_px, top, bottom, left, right):  # type: ignore[no-untyped-def]
     """(2,) median of the faster half of the known cells of a window, their share, and their median noise."""
     area = (bottom - top) * (right - left)
@@ -130,7 +130,7 @@ def _object_motion(residual, flow, sigma_px, top, bottom, left, right):  # type:
     return motion, count / area, float(median(noise[:count]))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _known_around(residual, top, bottom, left, right):  # type: ignore[no-untyped-def]
     """Share of known cells in the frame of ``AROUND_CELLS`` around a window, cut at the grid's edges."""
     rows, columns = residual.shape[:2]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
@@ -22,6 +21,7 @@ from motion_detect_ros.core.detection.segments import Segment
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.order_statistics import percentile
 from motion_detect_ros.core.geometry.warp import grid_points
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import BoolArray
 
 #: A segment's surroundings that its object may reach into besides its motion, working-resolution pixels.
@@ -115,7 +115,7 @@ def _cell_mask(segment: Segment, grid: tuple[int, ...], region: Box, width: int,
     return mask
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _pixels_of(rows, columns, grid_rows, grid_columns, left, top, right, bottom, width, height):  # type: ignore[no-untyped-def]
     """(bottom - top, right - left) pixels of a ``width`` x ``height`` image that lie in cells (n,) of its grid."""
     mask = np.zeros((bottom - top, right - left), np.bool_)
@@ -129,7 +129,7 @@ def _pixels_of(rows, columns, grid_rows, grid_columns, left, top, right, bottom,
     return mask
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _strong_patches(labels, count, mask, gain, inside, peak_share):  # type: ignore[no-untyped-def]
     """(count, 5) left, top, right, bottom, number of the pixels near the peak gain of each label; number 0 where the
     label does not touch ``inside`` or is too small.

@@ -17,12 +17,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
-import numba
 import numpy as np
 
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA
 from motion_detect_ros.core.geometry.warp import inverse
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
 
 #: Window over which errors are averaged, and window in which a change at the origin is searched, pixels.
@@ -103,7 +103,7 @@ def image_noise(pair: ImagePair, points: FloatArray, background: FloatArray) -> 
     return max(MIN_NOISE_GRAY, MAD_TO_SIGMA * float(spread))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _grey(image, x, y):  # type: ignore[no-untyped-def]
     """Grey value at a real position, linear, rounded; beyond the border, and for NaN, the border's."""
     height, width = image.shape
@@ -118,7 +118,7 @@ def _grey(image, x, y):  # type: ignore[no-untyped-def]
     return np.rint(above + v * (below - above))
 
 
-@numba.njit(cache=True, nogil=True, error_model='numpy')
+@kernel(error_model='numpy')
 def _grey_before(image, back, x, y):  # type: ignore[no-untyped-def]
     """Grey value of the reference image at what ``back`` makes of a current position."""
     depth = back[2, 0] * x + back[2, 1] * y + back[2, 2]
@@ -126,7 +126,7 @@ def _grey_before(image, back, x, y):  # type: ignore[no-untyped-def]
                  (back[1, 0] * x + back[1, 1] * y + back[1, 2]) / depth)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _squared_errors(current, reference, back, left, top, background_flow, motion):  # type: ignore[no-untyped-def]
     """(h, w, 2) squared grey-value error of every pixel of a box under background flow and under the motion."""
     height, width = background_flow.shape[:2]
@@ -142,7 +142,7 @@ def _squared_errors(current, reference, back, left, top, background_flow, motion
     return errors
 
 
-@numba.njit(cache=True, nogil=True, error_model='numpy')
+@kernel(error_model='numpy')
 def _explained(  # type: ignore[no-untyped-def]
     errors, left, top, right, bottom, background_flow, motion, noise, change, threshold,
 ):
@@ -174,7 +174,7 @@ def _explained(  # type: ignore[no-untyped-def]
     return mask, gain
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _median_error(current, reference, back, points, background_flow):  # type: ignore[no-untyped-def]
     """Median grey-value error at ``points`` (n, m, 2) under background flow; by counting, as errors are integers."""
     counts = np.zeros(256, np.int64)

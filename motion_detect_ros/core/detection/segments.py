@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from motion_detect_ros.core.clustering.art2 import LabelArray, similarity
 from motion_detect_ros.core.geometry.boxes import Box
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import FloatArray
 
 
@@ -55,7 +55,7 @@ def connected_segments(labels: LabelArray, motions: FloatArray, join_match: floa
     return segments
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _joined(motions, join_match):  # type: ignore[no-untyped-def]
     """(K, K) bool: which neurons count as one motion; the background is never joined."""
     n = motions.shape[0]
@@ -67,7 +67,7 @@ def _joined(motions, join_match):  # type: ignore[no-untyped-def]
     return joined
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _label_components(labels, joined):  # type: ignore[no-untyped-def]
     """Flood fill in raster order; 0 = no component, components count from 1."""
     rows, columns = labels.shape
@@ -93,7 +93,7 @@ def _label_components(labels, joined):  # type: ignore[no-untyped-def]
     return component
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _members(labels, component, neurons):  # type: ignore[no-untyped-def]
     """(n,) rows and columns of the cells, component after component, each in raster order; and for each component
     (6,): where its cells end, the neuron most of them have (the first of equals), left, top, right, bottom.

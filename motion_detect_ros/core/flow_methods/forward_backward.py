@@ -6,11 +6,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import cv2
-import numba
 import numpy as np
 
 from motion_detect_ros.core.flow_methods.flow_function import FlowFunction
 from motion_detect_ros.core.geometry.warp import grid_points
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import ByteArray, FloatArray
 
 #: Share of the squared lengths of both flows that their disagreement may reach (Sundaram et al. 2010, equation 5).
@@ -52,7 +52,7 @@ def forward_backward_flow(
     return _consistent(forward, returned, np.float32(limit_px ** 2))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _consistent(forward, returned, limit_squared):  # type: ignore[no-untyped-def]
     """``forward`` (rows, columns, 2), NaN where it and ``returned``, the backward flow at its end, are inconsistent."""
     checked = np.full(forward.shape, np.nan, np.float32)

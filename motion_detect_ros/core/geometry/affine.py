@@ -1,4 +1,4 @@
-"""The six-parameter affine motion, from parameters to matrix.
+"""The six-parameter affine motion, about another origin.
 
 dx = a0 + a1 x + a2 y,  dy = a3 + a4 x + a5 y   (Bergen et al. 1992, equation 7), with x, y the position of a
 background point in the previous frame and dx, dy its displacement to the current one.
@@ -9,12 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from motion_detect_ros.core.types import DoubleArray
-
-
-def affine_matrix(params: DoubleArray) -> DoubleArray:
-    """(6,) a0..a5 -> (3, 3) matrix that maps previous pixel to current pixel."""
-    a0, a1, a2, a3, a4, a5 = params
-    return np.array([[1.0 + a1, a2, a0], [a4, 1.0 + a5, a3], [0.0, 0.0, 1.0]])
 
 
 def to_centre(centre: DoubleArray) -> DoubleArray:

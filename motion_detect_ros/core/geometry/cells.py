@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import FloatArray
 
 Indices = npt.NDArray[np.intp]
@@ -24,7 +24,7 @@ def first_of_cells(
     return np.sort(first[first >= 0])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _first(points, scale, columns, order, first):  # type: ignore[no-untyped-def]
     for index in order:
         cell = int(points[index, 1] * scale) * columns + int(points[index, 0] * scale)

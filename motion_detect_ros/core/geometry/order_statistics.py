@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from motion_detect_ros.core.kernels import kernel
 
-@numba.njit(cache=True, nogil=True)
+
+@kernel()
 def median(values):  # type: ignore[no-untyped-def]
     """As ``numpy.median`` of ``values`` (n,), n > 0, in their type; NaN is not handled."""
     ordered = values.copy()
@@ -20,7 +21,7 @@ def median(values):  # type: ignore[no-untyped-def]
     return low + (high - low) / 2
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def column_medians(values):  # type: ignore[no-untyped-def]
     """As ``numpy.median(values, axis=0)``, (m,) float64, of ``values`` (n, m), n > 0; NaN is not handled."""
     found = np.empty(values.shape[1])
@@ -29,7 +30,7 @@ def column_medians(values):  # type: ignore[no-untyped-def]
     return found
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def percentile(values, percent):  # type: ignore[no-untyped-def]
     """As ``numpy.percentile`` of ``values`` (n,) float32, n > 0; reorders them."""
     rank = percent / 100.0 * (len(values) - 1)
@@ -41,7 +42,7 @@ def percentile(values, percent):  # type: ignore[no-untyped-def]
     return low + np.float32(rank - below) * (high - low)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def select(values, rank):  # type: ignore[no-untyped-def]
     """The ``rank``-th smallest of (n,) values; partitions them in place: none before it is larger, none after smaller.
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from motion_detect_ros.core.geometry.warp import apply, grid_points, inverse
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import DoubleArray, FloatArray
 
 
@@ -31,7 +31,7 @@ def residual_flow(flow: FloatArray, matrix: DoubleArray, width: int, height: int
     return residual
 
 
-@numba.njit(cache=True, nogil=True, error_model='numpy')
+@kernel(error_model='numpy')
 def _total(shift, back, scale, width, height):  # type: ignore[no-untyped-def]
     """``total_flow``; back: (3, 3) float32 current pixel -> reference pixel."""
     rows, columns = shift.shape[:2]

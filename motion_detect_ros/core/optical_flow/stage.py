@@ -34,8 +34,6 @@ class OpticalFlowStage:
         self._flow = make_flow(self._config)
         self._worker = (BackwardWorker(make_flow(self._config), self._pool)
                         if self._config.method in BUILT_IN else None)
-        self._regions = RegionsOfInterest(self._config.full_every)
-        self._every = Every(self._config.every_s)
 
     def reset(self) -> None:
         """Clear the last flow."""

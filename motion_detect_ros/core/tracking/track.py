@@ -14,6 +14,7 @@ from motion_detect_ros.core.tracking.alternatives.appearance import Appearance
 from motion_detect_ros.core.tracking.detected_time import DetectedTime
 from motion_detect_ros.core.tracking.motion_filter import MotionFilter
 from motion_detect_ros.core.tracking.time_to_contact import Approach
+from motion_detect_ros.core.tracking.travel import Travel, is_beside_larger
 from motion_detect_ros.core.types import DoubleArray
 
 #: Measurement noise of a box centre, share of the box's side; and process noise of the velocity, shares per second.
@@ -46,8 +47,10 @@ class Track:
         self.age = 1
         self.coasted_s, self._coasted_frames = 0.0, 0
         self.detected = DetectedTime(window_s)
-        self.detected.add(dt_s, True)
+        self.detected.add(dt_s, True, seen.measured)
         self.log_odds = _weight(dt_s) * seen.log_odds
+        self.travelled_log_odds = 0.0
+        self._travel = Travel(seen.centre)
         self.gate_inflation_px = 0.0
         self.approach = Approach()
         self.approach.update(seen.growth)
@@ -63,6 +66,17 @@ class Track:
     def state(self) -> DoubleArray:
         """(4,) u, v, du/dt, dv/dt: pixels and pixels/s, velocity against the background."""
         return self._filter.state
+
+    @property
+    def belief(self) -> float:
+        """Log odds of the frames and of the way together."""
+        return self.log_odds + self.travelled_log_odds
+
+    def weigh_travel(self, others: list[Track]) -> None:
+        """What the way since the start tells, unless it has stopped or one of the others is larger and close."""
+        boxes = [(other.state[:2], other.size) for other in others if other is not self]
+        added = 0.0 if self.recognised_s else self._travel.log_odds(self.state[:2], self.size)
+        self.travelled_log_odds = 0.0 if added and is_beside_larger(self.state[:2], self.size, boxes) else added
 
     @property
     def velocity_variance(self) -> DoubleArray:
@@ -88,6 +102,7 @@ class Track:
         self.size = self.size * length_scale(matrix)
         side = max(MIN_ACCELERATION_PX, math.sqrt(self.size[0] * self.size[1]))
         self._filter.predict(matrix, dt_s, ACCELERATION_SHARE * side)
+        self._travel.predict(matrix, dt_s)
 
     def predict_without_ego_motion(self, camera_px: float, dt_s: float) -> None:
         """The same with the camera's motion unknown: none is assumed, ``camera_px`` is its deviation along an axis."""

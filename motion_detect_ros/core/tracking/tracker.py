@@ -79,6 +79,7 @@ class Tracker:
         for index, seen in enumerate(candidates):
             if index not in taken:
                 self._tracks.append(Track(seen, dt_s, self._config.confirm_window_s))
+        self._weigh_travel()
         self._confirm()
         self._drop_ended(width, height)
         return self._report(width, height)
@@ -159,10 +160,15 @@ class Tracker:
         ratio = np.abs(np.log(seen_sizes.prod(axis=1) / sizes.prod(axis=1)[:, None]))
         return np.where((distance < 1.0) & (ratio < MAX_LOG_AREA_RATIO), distance + AREA_WEIGHT * ratio, FORBIDDEN)
 
+    def _weigh_travel(self) -> None:
+        certain = [track for track in self._tracks if track.id and track.log_odds >= self._config.show_log_odds]
+        for track in self._tracks:
+            track.weigh_travel(certain)
+
     def _confirm(self) -> None:
         for track in self._tracks:
             enough = track.detected.for_at_least(self._config.confirm_s)
-            if track.id == 0 and enough and track.log_odds >= self._config.confirm_log_odds:
+            if track.id == 0 and enough and track.belief >= self._config.confirm_log_odds:
                 track.id = self._next_id
                 self._next_id = self._next_id % MAX_ID + 1
 
@@ -175,14 +181,14 @@ class Tracker:
         return not track.detected.missed_longer_than(self._config.confirm_window_s - self._config.confirm_s)
 
     def _report(self, width: int, height: int) -> RecordArray:
-        shown = [track for track in self._tracks if track.id and track.log_odds >= self._config.show_log_odds]
+        shown = [track for track in self._tracks if track.id and track.belief >= self._config.show_log_odds]
         records = empty_detections(len(shown))
         for record, track in zip(records, shown, strict=True):
             (record['u'], record['v']), (record['width'], record['height']) = track.visible(width, height)
             record['vel_u'], record['vel_v'] = track.state[2:]
             record['var_u'], record['var_v'] = track.velocity_variance
             record['ttc'] = track.approach.time_to_contact_s
-            record['score'] = probability(track.log_odds)
+            record['score'] = probability(track.belief)
             record['id'], record['age'], record['area'] = track.id, track.age, track.seen.area
             record['cluster'] = track.seen.cluster
         return records

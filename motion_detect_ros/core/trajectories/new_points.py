@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import cv2
-import numba
 import numpy as np
 
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.trajectories.changes import changed_pixels
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.types import BoolArray, FloatArray
@@ -59,7 +59,7 @@ class NewPoints:
         return int(_strongest(response, wanted, order, columns, cell_px, places, found))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _strongest(response, wanted, order, columns, cell_px, places, found):  # type: ignore[no-untyped-def]
     """Writes the strongest place of each cell of ``order`` to ``places`` from ``found`` on; returns the new number."""
     height, width = response.shape

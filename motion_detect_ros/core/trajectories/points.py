@@ -102,14 +102,14 @@ class PointTracker:
     """Tracks points through the frames of a ``RecentFrames`` and starts new ones."""
 
     def __init__(self, max_points: int) -> None:
-        self._new = NewPoints(max_points)
+        self._new, self._every = NewPoints(max_points), Every(CHECKED_EVERY_S)
         self.reset()
 
     def reset(self) -> None:
         """Clear all points."""
         self._new.reset()
+        self._every.reset()
         self._points, self._started = Points(), 0
-        self._every = Every(CHECKED_EVERY_S)
 
     def step(self, frames: RecentFrames, mask: BoolArray | None) -> Points:
         """Points in the current frame. mask: (h, w), False where no point may be; None = nowhere.

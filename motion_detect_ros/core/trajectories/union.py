@@ -66,8 +66,7 @@ def _without_fragments(ones: list[Candidate], others: list[Candidate]) -> list[C
     beside = _intersection(_edges(ones, BESIDE_SHARE), _edges(others)) > 0.0
     velocity, other_velocity = (np.array([one.velocity_px_s for one in each]) for each in (ones, others))
     difference = velocity[:, None] - other_velocity
-    alike = (magnitude(difference)
-             < ALIKE_SHARE * magnitude(velocity)[:, None])
+    alike = magnitude(difference) < ALIKE_SHARE * magnitude(velocity)[:, None]
     fragment: BoolArray = beside & alike & (_areas(others) > LARGER * _areas(ones)[:, None])
     return [one for one, row in zip(ones, fragment, strict=True) if not row.any()]
 

@@ -8,7 +8,7 @@ import pytest
 
 from motion_detect_ros.core.ego_motion.robust_fit import fit_motion, refine_motion
 from motion_detect_ros.core.errors import ConfigError
-from motion_detect_ros.core.geometry.affine import affine_matrix, to_centre
+from motion_detect_ros.core.geometry.affine import to_centre
 from motion_detect_ros.core.geometry.motion_models import (
     FAMILIES,
     displacement,
@@ -177,9 +177,3 @@ def test_centred_parameters_are_displacements_at_the_centre_and_at_the_corner_di
     # dx = 5 + 0.01 x - 0.02 y at (320, 240): 5 + 3.2 - 4.8 = 3.4; slopes times hypot(320, 240) = 400
     params = np.array([5.0, 0.01, -0.02, 1.0, 0.005, 0.0])
     np.testing.assert_allclose(to_centre(CENTRE) @ params, [3.4, 4.0, -8.0, 2.6, 2.0, 0.0])
-
-
-def test_affine_matrix_moves_a_point_by_its_parameters():
-    params = np.array([1.0, 0.1, 0.2, -2.0, 0.3, 0.4])
-    # x' = x + 1 + 0.1 x + 0.2 y and y' = y - 2 + 0.3 x + 0.4 y at (10, 20): 10 + 1 + 1 + 4 = 16, 20 - 2 + 3 + 8 = 29
-    np.testing.assert_allclose(affine_matrix(params) @ [10, 20, 1], [16, 29, 1])

@@ -35,6 +35,35 @@ def test_confirmed_after_enough_hits_and_never_by_flicker():
         assert len(tracker.step(seen, np.eye(3), DT_S, 640, 480)) == 0
 
 
+def first_report(step_px: float, pan_px: float = 0.0, others: tuple[Candidate, ...] = (), top: float = 100.0,
+                 ) -> int | None:
+    """Frame that first reports more than ``others``.
+
+    An object of 24 px, too faint to be reported for what any frame shows of it, goes so far a frame of 50 ms over the
+    ground, and the ground in the picture with the camera.
+    """
+    tracker, matrix, counts = Tracker(CONFIG), np.array([[1, 0, pan_px], [0, 1, 0], [0, 0, 1]], float), []
+    for index in range(60):
+        faint = candidate(100 + (step_px + pan_px) * index, top, (step_px / DT_S, 0.0), (30.0, 19.2), log_odds=-0.3)
+        counts.append(len(tracker.step([*others, faint], matrix, DT_S, 640, 480)))
+    return next((index for index, count in enumerate(counts) if count > len(others)), None)
+
+
+def test_a_faint_object_is_reported_once_it_has_gone_its_own_size():
+    assert first_report(0.0) is None
+    assert first_report(0.35) is None  # 21 px in 3 s
+    assert first_report(2.0) == 20  # 24 px after 12 frames, a second after 20
+    assert first_report(0.75) == 32  # 24 px
+    assert first_report(0.0, pan_px=5.0) is None  # it stands on the ground
+    assert first_report(2.0, pan_px=3.0) == 20
+
+
+def test_a_faint_object_beside_a_larger_one_is_taken_for_a_part_of_it():
+    large = candidate(240.0, 100.0, size=(80.0, 60.0))
+    assert first_report(2.0, others=(large,), top=150.0) is None
+    assert first_report(2.0, others=(large,), top=300.0) == 20
+
+
 def test_velocity_is_that_over_ground_however_the_camera_zooms_and_pans():
     zoom = np.array([[1.01, 0, -4.0], [0, 1.01, 2.0], [0, 0, 1]])
     tracker, position, velocity = Tracker(CONFIG), np.array([200.0, 150.0]), np.array([80.0, -40.0])

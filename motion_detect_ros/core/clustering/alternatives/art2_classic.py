@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
@@ -25,6 +24,7 @@ from motion_detect_ros.core.clustering.alternatives.art2_layers import (
 )
 from motion_detect_ros.core.clustering.art2_network import Art2Network, LabelArray
 from motion_detect_ros.core.config import Art2Config
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import DoubleArray, FloatArray
 
 #: Fast learning ends when every weight is within this share of where updates lead it, or after so many updates.
@@ -97,7 +97,7 @@ def _fixed_order(vectors: FloatArray, rows: npt.NDArray[np.int64]) -> npt.NDArra
     return in_order[np.random.default_rng(ORDER_SEED).permutation(len(rows))]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _settled(vectors, k):  # type: ignore[no-untyped-def]
     """(N, D) u of every vector without feedback from F2."""
     n, dimension = vectors.shape
@@ -110,7 +110,7 @@ def _settled(vectors, k):  # type: ignore[no-untyped-def]
     return u
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _compete(u, background_match, prototypes, k, vigilance, labels, match):  # type: ignore[no-untyped-def]
     """Recall: the neuron that resonates, else the nearest; returns how many labels changed."""
     changed = 0
@@ -127,7 +127,7 @@ def _compete(u, background_match, prototypes, k, vigilance, labels, match):  # t
     return changed
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _match_new(u, background_match, prototypes, k, match):  # type: ignore[no-untyped-def]
     """``match`` after the newest neuron was committed."""
     new = prototypes.shape[0] - 1
@@ -139,7 +139,7 @@ def _match_new(u, background_match, prototypes, k, match):  # type: ignore[no-un
             match[i] = max(match[i], reset_match(k, f1))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _present_all(vectors, order, prototypes, k, vigilance, rate, updates):  # type: ignore[no-untyped-def]
     """One pass: every vector settles, searches, and trains the neuron that resonates; none is committed."""
     f1, reset = np.zeros((6, vectors.shape[1]), np.float32), np.zeros(prototypes.shape[0], np.bool_)
@@ -151,7 +151,7 @@ def _present_all(vectors, order, prototypes, k, vigilance, rate, updates):  # ty
             resonate(vectors[i], prototypes, winner, rate, k, updates, tolerance, f1)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _reset_matches(directions, prototypes, k):  # type: ignore[no-untyped-def]
     """(K, K) match of every direction with every neuron."""
     count = prototypes.shape[0]

@@ -24,9 +24,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import FloatArray
 
 #: Rows of the (6, D) float32 array of one vector's F1 activities.
@@ -48,7 +48,7 @@ class F1Constants(NamedTuple):
     theta: float
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _norm(y):  # type: ignore[no-untyped-def]
     total = 0.0
     for d in range(y.shape[0]):
@@ -56,7 +56,7 @@ def _norm(y):  # type: ignore[no-untyped-def]
     return np.sqrt(total)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _normalised(y, e, out):  # type: ignore[no-untyped-def]
     """Divided by e + |y|; zero stays zero."""
     norm = e + _norm(y)
@@ -64,52 +64,52 @@ def _normalised(y, e, out):  # type: ignore[no-untyped-def]
         out[d] = y[d] / norm if norm > 0.0 else 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def activation(y, theta):  # type: ignore[no-untyped-def]
     """f: what is within the noise is suppressed; odd-symmetric."""
     return y if abs(y) > theta else 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def layer_w(s, k, f1):  # type: ignore[no-untyped-def]
     """Stage 1: the input plus feedback from u."""
     for d in range(s.shape[0]):
         f1[W, d] = s[d] + k.a * f1[U, d]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def layer_x(k, f1):  # type: ignore[no-untyped-def]
     """Stage 2: w normalised."""
     _normalised(f1[W], k.e, f1[X])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def layer_v(k, f1):  # type: ignore[no-untyped-def]
     """Stage 3: noise suppressed in both paths, bottom-up and top-down."""
     for d in range(f1.shape[1]):
         f1[V, d] = activation(f1[X, d], k.theta) + k.b * activation(f1[Q, d], k.theta)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def layer_u(k, f1):  # type: ignore[no-untyped-def]
     """Stage 4: v normalised."""
     _normalised(f1[V], k.e, f1[U])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def layer_p(prototypes, j, k, f1):  # type: ignore[no-untyped-def]
     """Stage 5: u plus the expectation of the active neuron j."""
     for d in range(f1.shape[1]):
         f1[P, d] = f1[U, d] + (k.d * prototypes[j, d] if j != NO_NEURON else 0.0)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def layer_q(k, f1):  # type: ignore[no-untyped-def]
     """Stage 6: p normalised."""
     _normalised(f1[P], k.e, f1[Q])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def competition(p, prototypes, reset):  # type: ignore[no-untyped-def]
     """Stage 7: the neuron that p excites most, but the background and those under reset; NO_NEURON: none is left."""
     winner, largest = NO_NEURON, -np.inf
@@ -124,7 +124,7 @@ def competition(p, prototypes, reset):  # type: ignore[no-untyped-def]
     return winner
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def reset_match(k, f1):  # type: ignore[no-untyped-def]
     """Stage 8: |r|, 1 where expectation and input have one direction."""
     total = 0.0
@@ -140,7 +140,7 @@ def commitment(u: FloatArray, k: F1Constants) -> FloatArray:
     return weights
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def learning(prototypes, j, rate, k, f1):  # type: ignore[no-untyped-def]
     """Stage 10: one update of neuron j's weights; returns the largest change."""
     largest = 0.0
@@ -151,7 +151,7 @@ def learning(prototypes, j, rate, k, f1):  # type: ignore[no-untyped-def]
     return largest
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def update_f1(s, prototypes, j, k, f1):  # type: ignore[no-untyped-def]
     """Stages 4, 1, 5, 2, 6, 3: every sublayer once, in Fausett's order, with neuron j active."""
     layer_u(k, f1)
@@ -162,7 +162,7 @@ def update_f1(s, prototypes, j, k, f1):  # type: ignore[no-untyped-def]
     layer_v(k, f1)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def settle(s, prototypes, k, f1):  # type: ignore[no-untyped-def]
     """F1's output for an input without feedback; leaves u up to date."""
     f1[:] = 0.0
@@ -172,7 +172,7 @@ def settle(s, prototypes, k, f1):  # type: ignore[no-untyped-def]
     layer_p(prototypes, NO_NEURON, k, f1)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def search(prototypes, k, vigilance, reset, f1):  # type: ignore[no-untyped-def]
     """Stages 7 and 8: the neuron that resonates (NO_NEURON: all are reset), the best match, and whose it is.
 
@@ -190,7 +190,7 @@ def search(prototypes, k, vigilance, reset, f1):  # type: ignore[no-untyped-def]
     return competition(f1[P], prototypes, reset), nearest_match, nearest
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def resonate(s, prototypes, j, rate, k, updates, tolerance, f1):  # type: ignore[no-untyped-def]
     """Neuron j learns s: stage 10 and F1 in turn, ``updates`` times at most, until no weight moves by ``tolerance``."""
     layer_p(prototypes, j, k, f1)

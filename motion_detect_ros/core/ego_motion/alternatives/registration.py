@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import cv2
-import numba
 import numpy as np
 
 from motion_detect_ros.core.geometry.motion_models import (
@@ -24,6 +23,7 @@ from motion_detect_ros.core.geometry.motion_models import (
 )
 from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA, reweighted, tukey_weights
 from motion_detect_ros.core.geometry.warp import inverse
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 
 #: Pixels used at most: the strongest gradient of every cell of a grid with as many cells.
@@ -213,7 +213,7 @@ def _sampled(image: FloatArray, points: FloatArray, matrix: DoubleArray) -> Doub
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _cubic(image, x, y, out):  # type: ignore[no-untyped-def]
     """Cubic convolution (Keys 1981, a = -1/2)."""
     height, width = image.shape

@@ -1,0 +1,45 @@
+"""The noise floor that follows the scene (``self_tuning.noise_floor``).
+
+A frame's measured noise may be too small by luck, or because the fit followed a mover; the floor is what keeps it from
+making everything else move. It is taken as a multiple of the noise of the last seconds, whatever the resolution.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from motion_detect_ros.core.config import BackgroundConfig
+from motion_detect_ros.core.self_tuning import Follower, SelfTuningConfig, within_reach
+
+#: Floor over the usual noise: the default floor, 0.2 px, over the median noise of the clips of docs/accuracy.md.
+FLOOR_OVER_NOISE = 1.6
+
+
+class NoiseFloor:
+    """The background's settings with the floor of the moment."""
+
+    def __init__(self, given: BackgroundConfig, tuning: SelfTuningConfig) -> None:
+        self._follows = tuning.noise_floor
+        self._noise = Follower()
+        self.use_config(given)
+
+    def use_config(self, given: BackgroundConfig) -> None:
+        """Other settings around which it moves; the measured noise stays."""
+        self._given = given
+        self._update()
+
+    def reset(self) -> None:
+        """The settings as given."""
+        self._noise.reset()
+        self._update()
+
+    def follow(self, spread_px: float, dt_s: float) -> None:
+        """Take one frame's noise, one deviation, pixels. dt_s: since the frame before."""
+        if self._follows:
+            self._noise.follow(spread_px, dt_s)
+            self._update()
+
+    def _update(self) -> None:
+        usual, given = self._noise.value, self._given
+        self.config = given if usual is None else replace(
+            given, noise_floor_px=within_reach(given, 'noise_floor_px', FLOOR_OVER_NOISE * usual))

@@ -1,0 +1,67 @@
+"""Settings that follow the scene by themselves: which, how slowly, and how far from what the user set.
+
+The next step that the published report names. All of it is off by default; what it is worth: docs/accuracy.md.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any
+
+from motion_detect_ros.core.forgetting import kept
+from motion_detect_ros.core.settings import setting
+
+#: Time constant with which a followed value forgets, seconds: many frames, so that one odd frame changes little.
+MEMORY_S = 2.0
+#: A followed setting stays within this factor of what the user set, either way.
+REACH = 4.0
+
+
+@dataclass(frozen=True)
+class SelfTuningConfig:
+    """What follows the scene."""
+
+    noise_floor: bool = setting(
+        False, 'background.noise_floor_px follows the noise measured over the last seconds, within a factor of 4')
+    neurons: bool = setting(
+        False, 'art2.initial_neurons and art2.max_neurons follow how many neurons were in use over the last seconds, '
+        'within a factor of 4')
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """Values in use of the settings that may follow the scene; those that the user set where they do not."""
+
+    noise_floor_px: float
+    initial_neurons: int
+    max_neurons: int
+
+
+class Follower:
+    """Slow geometric mean of a positive value, so that twice and half as much weigh the same at every scale."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._log: float | None = None
+
+    @property
+    def value(self) -> float | None:
+        """The mean, in the unit of what was given; None before the first value."""
+        return None if self._log is None else math.exp(self._log)
+
+    def follow(self, value: float, dt_s: float) -> None:
+        """Take one frame's value; one that is not positive and finite says nothing. dt_s: since the one before."""
+        if not (math.isfinite(value) and value > 0.0):
+            return
+        remembered = 0.0 if self._log is None else kept(dt_s, MEMORY_S)
+        self._log = remembered * (self._log or 0.0) + (1.0 - remembered) * math.log(value)
+
+
+def within_reach(config: Any, name: str, wanted: float) -> float:
+    """``wanted``, or how far towards it the field ``name`` of ``config`` goes: by ``REACH``, within its own range."""
+    given, (limits,) = getattr(config, name), [each.metadata for each in fields(config) if each.name == name]
+    return min(max(wanted, given / REACH, limits['low']), given * REACH, limits['high'])
