@@ -15,6 +15,7 @@ from motion_detect_ros.sources.frames import SourceFrame
 from motion_detect_ros.sources.images import decode_image
 from motion_detect_ros.sources.inertial import GyroSample
 from motion_detect_ros.sources.raw import RawMessage, TopicInfo
+from motion_detect_ros.sources.window import WHOLE, Choice, Selection, Window
 
 IMAGE_TYPES = (messages.IMAGE, messages.COMPRESSED_IMAGE)
 _COMPRESSED = '/compressed'
@@ -25,9 +26,10 @@ _IMU = 'imu'
 class BagFrames:
     """One image topic (Image or CompressedImage) of a bag; stamps are those of the headers."""
 
-    def __init__(self, path: str | Path, topic: str | None = None) -> None:
+    def __init__(self, path: str | Path, topic: str | None = None, window: Window = WHOLE) -> None:
         """topic: with or without the leading slash; None where the bag has only one.
 
+        window: by the times of recording, from that of the topic's first message.
         Raises: SourceError for an empty bag, and for a wrong topic with a list of the image topics.
         """
         self._reader = BagReader(path)
@@ -37,6 +39,7 @@ class BagFrames:
         self.camera_topic = self._choose_camera_topic()
         self.camera = self._read_camera()
         self.bad_frames = 0
+        self._window = window
 
     @property
     def frame_count(self) -> int:
@@ -50,8 +53,13 @@ class BagFrames:
 
     def __iter__(self) -> Iterator[SourceFrame]:
         """Frames in order; a malformed message costs itself only and is counted in ``bad_frames``."""
-        self.bad_frames, decoder = 0, ImageDecoder()
+        self.bad_frames, decoder, selection = 0, ImageDecoder(), Selection(self._window)
         for index, message in enumerate(self._reader.messages([self.topic.name])):
+            choice = selection.judge(index, message.log_stamp_ns)
+            if choice is Choice.END:
+                return
+            if choice is Choice.SKIP:
+                continue
             try:
                 image, stamp_ns = decode_message(message, decoder)
             except MotionDetectError:
@@ -121,13 +129,13 @@ def _gyro(reader: BagReader, topic: str | None) -> Iterator[GyroSample]:
 
 def _choose_topic(path: Path, topics: tuple[TopicInfo, ...], wanted: str | None) -> TopicInfo:
     images = [topic for topic in topics if topic.msgtype in IMAGE_TYPES]
-    listed = ', '.join(f'{topic.name} ({topic.count})' for topic in images) or 'none'
+    listed = ', '.join(f'{topic.name} ({topic.msgtype}, {topic.count})' for topic in images) or 'none'
     if not sum(topic.count for topic in topics):
         raise SourceError(f'{path}: the bag is empty (0 messages in {len(topics)} topics)')
     if wanted is not None:
         chosen = [topic for topic in images if topic.name.lstrip('/') == wanted.lstrip('/')]
         if not chosen:
-            raise SourceError(f'{path}: no image topic {wanted!r}; image topics (messages): {listed}')
+            raise SourceError(f'{path}: no image topic {wanted!r}; image topics (type, messages): {listed}')
         return _with_messages(path, chosen[0])
     candidates = [topic for topic in images if topic.count]
     names = {topic.name for topic in candidates}
@@ -135,7 +143,7 @@ def _choose_topic(path: Path, topics: tuple[TopicInfo, ...], wanted: str | None)
     distinct = [topic for topic in candidates if topic.name.removesuffix(_COMPRESSED) not in names - {topic.name}]
     if len(distinct) != 1:
         problem = 'several image topics, choose one with --topic' if distinct else 'no image topic with messages'
-        raise SourceError(f'{path}: {problem}; image topics (messages): {listed}')
+        raise SourceError(f'{path}: {problem}; image topics (type, messages): {listed}')
     return distinct[0]
 
 

@@ -1,7 +1,8 @@
-"""Read bags: an MCAP or db3 file, or the folder that ``ros2 bag record`` makes."""
+"""Read bags: an MCAP, db3 or ROS 1 file, or the folder that ``ros2 bag record`` makes."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import TracebackType
@@ -15,17 +16,30 @@ from motion_detect_ros.sources.images import natural_key
 from motion_detect_ros.sources.mcap_file import MAGIC as MCAP_MAGIC
 from motion_detect_ros.sources.mcap_file import McapFile
 from motion_detect_ros.sources.raw import BagStorage, RawMessage, TopicInfo
+from motion_detect_ros.sources.rosbag1_storage import ROSBAG1_MAGIC, Rosbag1Storage
 from motion_detect_ros.sources.rosbag_storage import SQLITE_MAGIC, RosbagStorage
 
 METADATA_NAME = 'metadata.yaml'
-_SUFFIXES = ('.mcap', '.db3')
+_SUFFIXES = ('.mcap', '.db3', '.bag')
 
 
 def is_bag(path: Path) -> bool:
     """True for what looks like a bag by its content (or, where damaged or empty, by its name)."""
     if path.is_dir():
         return (path / METADATA_NAME).is_file() or bool(_storage_files(path))
-    return path.suffix in _SUFFIXES or _magic(path).startswith((MCAP_MAGIC, SQLITE_MAGIC))
+    try:
+        return path.suffix in _SUFFIXES or _magic(path).startswith((MCAP_MAGIC, SQLITE_MAGIC, ROSBAG1_MAGIC))
+    except OSError:  # nobody can say
+        return False
+
+
+def is_recording(folder: Path) -> bool:
+    """True for a folder that is one bag, not one that holds several: it has metadata.yaml, or, where the recording was
+    cut off before that, files named as a recorder does, after the folder and numbered.
+    """
+    files = _storage_files(folder)
+    named = re.compile(rf'{re.escape(folder.resolve().name)}(_\d+)?')
+    return (folder / METADATA_NAME).is_file() or bool(files and all(named.fullmatch(file.stem) for file in files))
 
 
 class BagReader:
@@ -86,7 +100,12 @@ def _open_parts(path: Path) -> list[BagStorage]:
         return [RosbagStorage(path)]
     files = _listed_files(path) or _storage_files(path)
     if not files:
-        raise SourceError(f'{path}: found {describe_folder(path)}; expected a bag (metadata.yaml, *.mcap, *.db3)')
+        raise SourceError(
+            f'{path}: found {describe_folder(path)}; expected a bag ({METADATA_NAME}, *.mcap, *.db3, *.bag)')
+    if len(files) > 1 and not is_recording(path):
+        part = f'{path.resolve().name}_0{files[0].suffix}'
+        raise SourceError(f'{path}: {len(files)} bags ({files[0].name}, {files[1].name}, ...) that are not parts of '
+                          f'one recording ({METADATA_NAME}, {part}, ...); name one of them')
     return [_open_file(file) for file in files]
 
 
@@ -96,8 +115,11 @@ def _open_file(path: Path) -> BagStorage:
         return McapFile(path)
     if magic.startswith(SQLITE_MAGIC) and path.suffix == '.db3':
         return RosbagStorage(path)
+    if magic.startswith(ROSBAG1_MAGIC):
+        return Rosbag1Storage(path)
     size = path.stat().st_size
-    raise SourceError(f'{path}: {size} bytes that are no bag; expected an MCAP file or a db3 file of ros2 bag')
+    raise SourceError(
+        f'{path}: {size} bytes that are no bag; expected an MCAP file, a db3 file of ros2 bag or a bag of ROS 1')
 
 
 def _magic(path: Path) -> bytes:

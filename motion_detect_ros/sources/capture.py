@@ -21,7 +21,7 @@ from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.types import NANOSECONDS, CameraModel
 from motion_detect_ros.sources.address import is_address
 from motion_detect_ros.sources.frames import FrameSource, SourceFrame
-from motion_detect_ros.sources.live import TIMEOUT_MS, LiveFrames
+from motion_detect_ros.sources.live import LONGEST_CALL_S, LiveFrames
 from motion_detect_ros.sources.opening import open_source
 from motion_detect_ros.sources.secrets import masked
 
@@ -31,7 +31,7 @@ _BEHIND_SHARE = 0.1
 #: Capture times kept for the rate.
 _RATE_WINDOW = 60
 #: A stopped thread has this long to come back from the driver, s: a little more than a call there may take.
-_JOIN_TIMEOUT_S = TIMEOUT_MS / 1e3 + 0.5
+_JOIN_TIMEOUT_S = LONGEST_CALL_S + 0.5
 
 
 @dataclass(frozen=True)
@@ -138,6 +138,11 @@ class Capture:
             return CaptureStats(
                 self._captured, self._delivered, self._dropped, (len(times) - 1) / span_s if span_s else 0.0,
                 self._live.reconnects if self._live else 0, dropped > _BEHIND_SHARE * _BEHIND_WINDOW)
+
+    @property
+    def trouble(self) -> str:
+        """Why a lost stream does not open again; empty where it runs, or nobody knows."""
+        return self._live.trouble if self._live else ''
 
     @property
     def blocked(self) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import NANOSECONDS, ByteArray, CameraModel
 from motion_detect_ros.sources.frames import FIRST_STAMP_NS, SourceFrame, describe_folder
+from motion_detect_ros.sources.window import WHOLE, Choice, Selection, Window
 
 IMAGE_SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.bmp', '.tif', '.tiff', '.webp', '.ppm', '.pgm'})
 
@@ -59,6 +60,7 @@ class ImageSequence:
 
     def __init__(
         self, files: Sequence[Path], stamps_ns: Sequence[int], name: str, camera: CameraModel | None = None,
+        window: Window = WHOLE,
     ) -> None:
         """files, stamps_ns: one stamp (ns) a file, in order of time. Raises: SourceError for unequal lengths."""
         if len(files) != len(stamps_ns):
@@ -68,6 +70,7 @@ class ImageSequence:
         self.name = name
         self.camera = camera
         self.bad_frames = 0
+        self._window = window
 
     @property
     def frame_count(self) -> int:
@@ -75,22 +78,32 @@ class ImageSequence:
         return len(self.files)
 
     def __iter__(self) -> Iterator[SourceFrame]:
-        """Frames in order; an unreadable file costs itself only and is counted in ``bad_frames``."""
-        self.bad_frames = 0
+        """Frames in order; an unreadable file costs itself only and is counted in ``bad_frames``.
+
+        Raises: SourceError where the folder of a file has gone.
+        """
+        self.bad_frames, selection = 0, Selection(self._window)
         for index, (file, stamp_ns) in enumerate(zip(self.files, self.stamps_ns, strict=True)):
+            choice = selection.judge(index, stamp_ns)
+            if choice is Choice.END:
+                return
+            if choice is Choice.SKIP:
+                continue
             try:
                 image = decode_image(file.read_bytes(), str(file))
             except (SourceError, OSError):
+                if not file.parent.is_dir():
+                    raise SourceError(f'{file.parent}: the folder has gone while it was read') from None
                 self.bad_frames += 1
                 continue
             yield SourceFrame(index, image, stamp_ns)
 
 
-def image_folder(folder: Path, fps: float) -> ImageSequence:
+def image_folder(folder: Path, fps: float, window: Window = WHOLE) -> ImageSequence:
     """The pictures of a folder at ``fps`` frames/s, the first at stamp 0. Raises: SourceError for no pictures."""
     if not folder.is_dir():
         raise SourceError(f'{folder}: no such folder')
     files = image_files(folder)
     if not files:
         raise SourceError(f'{folder}: found {describe_folder(folder)}; expected picture files (.jpg, .png, ...)')
-    return ImageSequence(files, even_stamps(len(files), fps), folder.resolve().name)
+    return ImageSequence(files, even_stamps(len(files), fps), folder.resolve().name, window=window)

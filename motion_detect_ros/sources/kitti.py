@@ -21,6 +21,7 @@ from motion_detect_ros.core.types import NANOSECONDS, CameraModel, DoubleArray
 from motion_detect_ros.sources.frames import SourceFrame, describe_folder
 from motion_detect_ros.sources.images import ImageSequence, image_files
 from motion_detect_ros.sources.inertial import GyroSample
+from motion_detect_ros.sources.window import WHOLE, Window
 
 IMAGE_FOLDER = 'image_02'
 CALIBRATION_NAME = 'calib_cam_to_cam.txt'
@@ -72,7 +73,7 @@ class KittiDrive:
     damaged: str | None = None
     calibration: Calibration | None
 
-    def __init__(self, drive: str | Path) -> None:
+    def __init__(self, drive: str | Path, window: Window = WHOLE) -> None:
         """Raises: SourceError where the folder is not laid out as a raw drive."""
         self.path = Path(drive)
         if not is_kitti_drive(self.path):
@@ -86,7 +87,8 @@ class KittiDrive:
         self.calibration = read_calibration(calibration_path) if calibration_path.is_file() else None
         self.camera = self.calibration.camera if self.calibration else None
         self.name = self.path.resolve().name
-        self.images = ImageSequence(files, [_stamp_of(file, stamps) for file in files], self.name, self.camera)
+        stamps_ns = [_stamp_of(file, stamps) for file in files]
+        self.images = ImageSequence(files, stamps_ns, self.name, self.camera, window)
 
     @property
     def frame_count(self) -> int:

@@ -13,10 +13,15 @@ from pathlib import Path
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, McapRecord, Message, Schema, Statistics
 from mcap.stream_reader import StreamReader, breakup_chunk
+from rosbags.typesys.msg import normalize_msgtype
 
+from motion_detect_ros.sources.messages import from_ros1
 from motion_detect_ros.sources.raw import RawMessage, TopicInfo
 
 MAGIC = b'\x89MCAP0\r\n'
+
+#: Encoding of the messages of a ROS 1 bag that was converted to MCAP.
+ROS1 = 'ros1'
 
 #: A chunk that announces more than this is damaged; recorders write some megabytes.
 MAX_CHUNK_BYTES = 1 << 30
@@ -105,11 +110,15 @@ class McapFile:
             elif isinstance(record, Message):
                 channel = self._channels.get(record.channel_id)  # None: its definition was in an unreadable chunk
                 if channel and (topics is None or channel.topic in topics):
-                    yield RawMessage(channel.topic, self._msgtype(channel), record.log_time, record.data)
+                    msgtype = self._msgtype(channel)
+                    data = from_ros1(record.data, msgtype) if channel.message_encoding == ROS1 else record.data
+                    yield RawMessage(channel.topic, msgtype, record.log_time, data)
 
     def _msgtype(self, channel: Channel) -> str:
         schema = self._schemas.get(channel.schema_id)
-        return schema.name if schema else ''
+        if schema is None:
+            return ''
+        return normalize_msgtype(schema.name) if channel.message_encoding == ROS1 else schema.name
 
     def _read_summary(self) -> bool:
         """Take channels and counts from the end of the file; False where there is no readable end."""

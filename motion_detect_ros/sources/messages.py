@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from motion_detect_ros.core.errors import MessageError
 from motion_detect_ros.core.types import NANOSECONDS, ByteArray, CameraModel, DoubleArray, RecordArray
+from motion_detect_ros.sources.box_definitions import DEFINITIONS
 
 IMAGE = 'sensor_msgs/msg/Image'
 COMPRESSED_IMAGE = 'sensor_msgs/msg/CompressedImage'
@@ -31,8 +32,11 @@ _POINT_FIELD_TYPES = {'i1': 1, 'u1': 2, 'i2': 3, 'u2': 4, 'i4': 5, 'u4': 6, 'f4'
 
 @cache
 def typestore() -> Typestore:
-    """The message definitions of ROS 2 Jazzy."""
-    return get_typestore(Stores.ROS2_JAZZY)
+    """The message definitions of ROS 2 Jazzy, and those of ``vision_msgs`` and Foxglove for boxes."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name, text in DEFINITIONS.items():
+        store.register(get_types_from_msg(text, name))
+    return store
 
 
 def make(msgtype: str, **fields: Any) -> Any:
@@ -59,6 +63,20 @@ def deserialize(data: bytes, msgtype: str) -> Any:
         return typestore().deserialize_cdr(data, msgtype)
     except _DECODE_ERRORS as error:
         raise MessageError(f'{len(data)} bytes are no {msgtype}: {error}') from None
+
+
+def from_ros1(data: bytes, msgtype: str) -> bytes:
+    """CDR bytes of a message as ROS 1 wrote it; ``msgtype`` by its name in ROS 2 (``sensor_msgs/msg/Image``).
+
+    The number that headers had in ROS 1 is dropped. No bytes where they are no such message, which ``deserialize``
+    refuses; those of types that Jazzy does not have stay as they are.
+    """
+    if msgtype not in typestore().fielddefs:
+        return bytes(data)
+    try:
+        return bytes(typestore().ros1_to_cdr(data, msgtype))
+    except _DECODE_ERRORS:
+        return b''
 
 
 def message_definition(msgtype: str) -> str:

@@ -10,24 +10,31 @@ from motion_detect_ros.sources.bags import BagFrames, is_bag
 from motion_detect_ros.sources.frames import DEFAULT_FPS, FrameSource, describe_folder
 from motion_detect_ros.sources.images import image_files, image_folder
 from motion_detect_ros.sources.kitti import KittiDrive, is_kitti_drive
-from motion_detect_ros.sources.video import VideoFile
+from motion_detect_ros.sources.video import VIDEO_SUFFIXES, VideoFile
+from motion_detect_ros.sources.window import WHOLE, Window
 
 
-def open_source(path: str | Path, fps: float | None = None, topic: str | None = None) -> FrameSource:
-    """Open a bag (MCAP, db3 or folder), video, image folder, VisDrone sequence or KITTI raw drive.
+def open_source(
+    path: str | Path, fps: float | None = None, topic: str | None = None, window: Window = WHOLE,
+) -> FrameSource:
+    """Open a bag (MCAP, db3, ROS 1 or folder), video, image folder, VisDrone sequence or KITTI raw drive.
 
     fps: frame rate, 1/s; overrides the rate of a video or folder without time stamps, ignored where the source
     has stamps of its own (bag, KITTI drive). topic: image topic of a bag, needed where it has several.
+    window: the part of it that is given; frames keep the index that they have in the whole.
     Raises: SourceError with one line that says what was found and what is expected.
     """
     if not str(path):
         raise SourceError('source: expected a path, got nothing')
     path = Path(path)
     check_rate('frame rate', fps)
-    if path.is_dir():
-        return _open_folder(path, fps, topic)
-    if path.is_file():
-        return _open_file(path, fps, topic)
+    try:
+        if path.is_dir():
+            return _open_folder(path, fps, topic, window)
+        if path.is_file():
+            return BagFrames(path, topic, window) if is_bag(path) else VideoFile(path, fps, window)
+    except OSError as error:
+        raise SourceError(f'{path}: cannot be read: {error.strerror or error}') from None
     raise SourceError(f'{path}: no such file or folder')
 
 
@@ -37,21 +44,22 @@ def check_rate(name: str, fps: float | None) -> None:
         raise SourceError(f'{name}: expected a number over 0, got {fps:g}')
 
 
-def _open_file(path: Path, fps: float | None, topic: str | None) -> FrameSource:
-    if is_bag(path):
-        return BagFrames(path, topic)
-    return VideoFile(path, fps)
+def looks_like_source(path: Path) -> bool:
+    """Whether ``open_source`` would try: by the name of a file or its first bytes, by what is in a folder."""
+    if path.is_dir():
+        return is_bag(path) or is_kitti_drive(path) or bool(image_files(path))
+    return path.is_file() and (path.suffix.lower() in VIDEO_SUFFIXES or is_bag(path))
 
 
-def _open_folder(path: Path, fps: float | None, topic: str | None) -> FrameSource:
+def _open_folder(path: Path, fps: float | None, topic: str | None, window: Window) -> FrameSource:
     if is_bag(path):
-        return BagFrames(path, topic)
+        return BagFrames(path, topic, window)
     if is_kitti_drive(path):
-        return KittiDrive(path)
+        return KittiDrive(path, window)
     if path.name == 'data' and (path.parent / 'timestamps.txt').is_file() and is_kitti_drive(path.parent.parent):
-        return KittiDrive(path.parent.parent)  # the pictures' own folder: its stamps are beside it
+        return KittiDrive(path.parent.parent, window)  # the pictures' own folder: its stamps are beside it
     if image_files(path):
-        return image_folder(path, fps or DEFAULT_FPS)  # a VisDrone sequence is one of these
+        return image_folder(path, fps or DEFAULT_FPS, window)  # a VisDrone sequence is one of these
     raise SourceError(
         f'{path}: found {describe_folder(path)}; expected pictures (a VisDrone sequence or image folder), '
-        'image_02/data (a KITTI raw drive) or a bag (metadata.yaml, *.mcap, *.db3)')
+        'image_02/data (a KITTI raw drive) or a bag (metadata.yaml, *.mcap, *.db3, *.bag)')

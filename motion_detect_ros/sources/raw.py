@@ -42,3 +42,8 @@ class BagStorage(Protocol):
 
     def close(self) -> None:
         """Let go of the file."""
+
+
+def one_line(error: Exception) -> str:
+    """What a library says of a file, in one line."""
+    return ' '.join(str(error).split()) or type(error).__name__

@@ -10,7 +10,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.errors import ReaderError
 
 from motion_detect_ros.core.errors import SourceError
-from motion_detect_ros.sources.raw import RawMessage, TopicInfo
+from motion_detect_ros.sources.raw import RawMessage, TopicInfo, one_line
 
 SQLITE_MAGIC = b'SQLite format 3\x00'
 
@@ -28,7 +28,7 @@ class RosbagStorage:
         try:
             self._reader.open()
         except _READ_ERRORS as error:
-            raise SourceError(f'{path}: not a readable bag: {_one_line(error)}') from None
+            raise SourceError(f'{path}: not a readable bag: {one_line(error)}') from None
 
     @property
     def topics(self) -> tuple[TopicInfo, ...]:
@@ -45,12 +45,8 @@ class RosbagStorage:
             for connection, stamp_ns, data in self._reader.messages(wanted):
                 yield RawMessage(connection.topic, connection.msgtype, stamp_ns, bytes(data))
         except _READ_ERRORS as error:
-            self.damaged = f'{self._path.name}: unreadable from some message on ({_one_line(error)})'
+            self.damaged = f'{self._path.name}: unreadable from some message on ({one_line(error)})'
 
     def close(self) -> None:
         """Close the file."""
         self._reader.close()
-
-
-def _one_line(error: Exception) -> str:
-    return ' '.join(str(error).split())

@@ -1,9 +1,10 @@
-"""Ground truth in the forms people have it: VisDrone MOT annotations, KITTI tracking labels, plain CSV."""
+"""Ground truth in the forms people have it: VisDrone and MOT Challenge annotations, KITTI tracking labels, CSV."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,8 +19,13 @@ _MOVES, _IGNORED = 1, -1
 _VISDRONE_COLUMNS = 10
 _VISDRONE_IGNORED_REGION = 0
 _KITTI_COLUMNS = 17
+#: A MOT file has at least frame, id and box; gt.txt of 2016 and later 9 columns, of 2015 10 with a position in space.
+_MOT_COLUMNS = range(6, 11)
+#: Classes of MOT16 to MOT20. What may or may not count: on a vehicle, non-motorised vehicle, static person, distractor,
+#: reflection, crowd. No objects at all: occluders.
+_MOT_UNSURE, _MOT_OCCLUDERS = frozenset({2, 6, 7, 8, 12, 13}), frozenset({9, 10, 11})
 _Row = tuple[int, int, float, float, float, float, int]
-_RowParser = Callable[[list[str]], _Row]
+_RowParser = Callable[[list[str]], _Row | None]
 
 
 @dataclass(frozen=True)
@@ -43,7 +49,10 @@ def load_truth(path: str | Path) -> Truth:
 
     VisDrone MOT: ``frame,target,left,top,width,height,score,category,truncation,occlusion``, frames from 1;
     category 0 (ignored region) and score 0 count neither way. KITTI tracking: 17 columns, frames from 0, box as
-    left top right bottom; DontCare counts neither way. CSV: header ``frame,id,x,y,w,h[,moving]``, frames from 0.
+    left top right bottom; DontCare counts neither way. MOT Challenge gt.txt:
+    ``frame,id,left,top,width,height[,flag[,class[,visibility]]]``, frames and pixels from 1; flag 0 and the classes
+    that its own evaluation leaves out count neither way, occluders are no objects. CSV: header
+    ``frame,id,x,y,w,h[,moving]``, frames from 0.
     Raises: SourceError with the line that is wrong.
     """
     path = Path(path)
@@ -55,13 +64,25 @@ def load_truth(path: str | Path) -> Truth:
     first = next((line for line in lines if line.strip()), '')
     if 'frame' in first.split(','):
         return _load_csv(path, lines)
-    if len(first.rstrip(',').split(',')) == _VISDRONE_COLUMNS:
+    cells = first.strip().rstrip(',').split(',')
+    if len(cells) == _VISDRONE_COLUMNS and all(cell.strip().isdigit() for cell in cells[7:]):
         return Truth(_parse(path, lines, ',', _visdrone_row), 'VisDrone MOT annotation', False)
+    if len(cells) in _MOT_COLUMNS:
+        return Truth(_parse(path, lines, ',', _mot_row), 'MOT Challenge annotation', False)
     if len(first.split()) == _KITTI_COLUMNS:
         return Truth(_parse(path, lines, None, _kitti_row), 'KITTI tracking labels', False)
     raise SourceError(
-        f'{path}: first line {first[:60]!r}; expected a VisDrone annotation (10 columns, commas), KITTI tracking '
-        'labels (17 columns, blanks) or a CSV with header frame,id,x,y,w,h[,moving]')
+        f'{path}: first line {first[:60]!r}; expected a VisDrone annotation (10 columns, commas), a MOT Challenge '
+        'annotation (6 to 10 columns, commas), KITTI tracking labels (17 columns, blanks) or a CSV with header '
+        'frame,id,x,y,w,h[,moving]')
+
+
+def finite_box(cells: Sequence[str]) -> list[float]:
+    """The four numbers of a box. Raises: ValueError where one is none, or not finite."""
+    box = [float(cell) for cell in cells]
+    if not all(map(math.isfinite, box)):
+        raise ValueError(f'expected a box of finite numbers, got {", ".join(f"{value:g}" for value in box)}')
+    return box
 
 
 def write_truth(path: str | Path, boxes: RecordArray) -> None:
@@ -77,7 +98,8 @@ def _parse(path: Path, lines: list[str], separator: str | None, parse_row: _RowP
     for number, line in enumerate(lines, 1):
         if line.strip():
             try:
-                rows.append(_fitting(parse_row(line.split(separator))))
+                row = parse_row(line.strip().rstrip(separator).split(separator))
+                rows += [_fitting(row)] if row else []
             except (ValueError, IndexError, OverflowError) as error:
                 raise SourceError(f'{path}, line {number}: {error}') from None
     return np.array(rows, TRUTH_DTYPE)
@@ -91,33 +113,48 @@ def _fitting(row: _Row) -> _Row:
 
 def _visdrone_row(cells: list[str]) -> _Row:
     frame, target = int(cells[0]), int(cells[1])
-    x, y, w, h = (float(cell) for cell in cells[2:6])
+    x, y, w, h = finite_box(cells[2:6])
     counts = int(float(cells[6])) != 0 and int(cells[7]) != _VISDRONE_IGNORED_REGION
     return frame - 1, target, x, y, w, h, _MOVES if counts else _IGNORED
 
 
 def _kitti_row(cells: list[str]) -> _Row:
-    left, top, right, bottom = (float(cell) for cell in cells[6:10])
+    left, top, right, bottom = finite_box(cells[6:10])
     moving = _IGNORED if cells[2] == 'DontCare' else _MOVES
     return int(cells[0]), int(cells[1]), left, top, right - left, bottom - top, moving
 
 
+def _mot_row(cells: list[str]) -> _Row | None:
+    kind = _mot_number(cells, 7, -1) if len(cells) < _VISDRONE_COLUMNS else -1  # of 2015: a position in space
+    if kind in _MOT_OCCLUDERS:
+        return None
+    x, y, w, h = finite_box(cells[2:6])
+    counts = _mot_number(cells, 6, 1) != 0 and kind not in _MOT_UNSURE
+    return int(float(cells[0])) - 1, int(float(cells[1])), x - 1, y - 1, w, h, _MOVES if counts else _IGNORED
+
+
+def _mot_number(cells: list[str], column: int, otherwise: int) -> int:
+    return int(float(cells[column])) if len(cells) > column and cells[column].strip() else otherwise
+
+
 def _load_csv(path: Path, lines: list[str]) -> Truth:
     reader = csv.DictReader(lines)
-    columns = reader.fieldnames or []
-    missing = [name for name in CSV_COLUMNS[:-1] if name not in columns and name != 'id']
-    if missing:
-        raise SourceError(f'{path}: column {", ".join(missing)} is missing; expected frame,id,x,y,w,h[,moving]')
     rows: list[_Row] = []
-    for number, cells in enumerate(reader, 2):
-        try:
+    try:
+        columns = reader.fieldnames or []
+        missing = [name for name in CSV_COLUMNS[:-1] if name not in columns and name != 'id']
+        if missing:
+            raise SourceError(f'{path}: column {", ".join(missing)} is missing; expected frame,id,x,y,w,h[,moving]')
+        for cells in reader:
             rows.append(_fitting(_csv_row(cells)))
-        except (ValueError, TypeError, OverflowError) as error:
-            raise SourceError(f'{path}, line {number}: {error}') from None
+    except (ValueError, TypeError, OverflowError) as error:
+        raise SourceError(f'{path}, line {reader.line_num}: {error}') from None
+    except csv.Error as error:  # the line is not counted yet
+        raise SourceError(f'{path}, line {reader.line_num + 1}: {error}') from None
     return Truth(np.array(rows, TRUTH_DTYPE), 'CSV', 'moving' in columns)
 
 
 def _csv_row(cells: dict[str, str]) -> _Row:
-    x, y, w, h = (float(cells[name]) for name in ('x', 'y', 'w', 'h'))
+    x, y, w, h = finite_box([cells[name] for name in ('x', 'y', 'w', 'h')])
     return (int(float(cells['frame'])), int(float(cells.get('id') or 0)), x, y, w, h,
             int(float(cells.get('moving') or _MOVES)))

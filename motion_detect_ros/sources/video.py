@@ -13,6 +13,7 @@ from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import NANOSECONDS
 from motion_detect_ros.sources.frames import FIRST_STAMP_NS, SourceFrame
 from motion_detect_ros.sources.secrets import masked
+from motion_detect_ros.sources.window import WHOLE, Choice, Selection, Window
 
 #: FFmpeg guesses by content too and would take a text file for terminal art; only these names are tried.
 VIDEO_SUFFIXES = frozenset({
@@ -30,11 +31,14 @@ def silence_opencv() -> None:
     log.setLogLevel(_LOG_LEVEL_SILENT)
 
 
-def open_capture(address: str | int, timeout_ms: int | None = None) -> cv2.VideoCapture:
+def open_capture(
+    address: str | int, timeout_ms: int | None = None, open_timeout_ms: int | None = None,
+) -> cv2.VideoCapture:
     """An opened OpenCV capture of a file, address or camera number.
 
     timeout_ms: how long a device or stream may take to open and to give a picture (a Video4Linux device takes whole
-    seconds, those of the first that is opened). Raises: SourceError where it does not open.
+    seconds, those of the first that is opened); open_timeout_ms: to open, if that is another one. Raises: SourceError
+    where it does not open.
     """
     os.environ.setdefault('OPENCV_FFMPEG_LOGLEVEL', _QUIET)
     silence_opencv()
@@ -44,7 +48,7 @@ def open_capture(address: str | int, timeout_ms: int | None = None) -> cv2.Video
         capture = cv2.VideoCapture(address)
     else:
         limits = [] if timeout_ms is None else [
-            cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, timeout_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, timeout_ms]
+            cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, open_timeout_ms or timeout_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, timeout_ms]
         capture = cv2.VideoCapture(address, cv2.CAP_FFMPEG if timeout_ms is not None else cv2.CAP_ANY, limits)
     if not capture.isOpened():
         capture.release()
@@ -63,7 +67,7 @@ class VideoFile:
     camera = None
     bad_frames = 0
 
-    def __init__(self, path: Path, fps: float | None = None) -> None:
+    def __init__(self, path: Path, fps: float | None = None, window: Window = WHOLE) -> None:
         """fps: frames/s to use instead of the container's times. Raises: SourceError for no readable video."""
         if path.suffix.lower() not in VIDEO_SUFFIXES:
             raise SourceError(f'{path}: neither a bag (MCAP, db3) nor a video by its name (.mp4, .avi, .mkv, ...)')
@@ -81,18 +85,23 @@ class VideoFile:
         self.frame_count = frames if frames > 0 else None
         self.damaged: str | None = None
         self._fps = fps
+        self._window = window
 
     def __iter__(self) -> Iterator[SourceFrame]:
         """Frames from the first; sets ``damaged`` where the file ends before the frames it announces."""
-        capture = open_capture(str(self.path))
+        capture, selection = open_capture(str(self.path)), Selection(self._window)
         index, previous_ns = 0, FIRST_STAMP_NS - 1
         try:
-            while True:
-                ok, image = capture.read()
-                if not ok:
-                    break
+            while capture.grab():
                 stamp_ns = self._stamp(capture, index, previous_ns)
-                yield SourceFrame(index, image.astype(np.uint8, copy=False), stamp_ns)
+                choice = selection.judge(index, stamp_ns)
+                if choice is Choice.END:
+                    return
+                if choice is Choice.TAKE:
+                    ok, image = capture.retrieve()
+                    if not ok:
+                        break
+                    yield SourceFrame(index, image.astype(np.uint8, copy=False), stamp_ns)
                 index, previous_ns = index + 1, stamp_ns
         finally:
             capture.release()

@@ -15,6 +15,7 @@ import pytest
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.sources.capture import Capture
+from motion_detect_ros.sources.live import LiveFrames
 
 #: A safety net for what must come.
 TIMEOUT_S = 300.0
@@ -201,6 +202,25 @@ def test_closing_a_stream_that_was_never_read_lets_go_of_it(stalling: ThreadingH
     capture.close()
     assert not capture.blocked
     assert stalling.left.wait(TIMEOUT_S)
+
+
+def test_nobody_is_asked_why_a_camera_does_not_open_after_the_stop(
+    stalling: ThreadingHTTPServer, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The stop comes while the stream is being opened again, which fails."""
+    asked = list[str]()
+    frames = LiveFrames(stalling.url)
+
+    def black_hole() -> None:
+        frames.stop()
+        raise SourceError('no picture')
+
+    monkeypatch.setattr('motion_detect_ros.sources.live.why_unreachable', lambda source: asked.append(source) or '')
+    monkeypatch.setattr('motion_detect_ros.sources.live.FIRST_BACK_OFF_S', 0.0)
+    monkeypatch.setattr(frames, '_open', black_hole)
+    frames.release()
+    assert list(frames) == []
+    assert asked == []
 
 
 def test_a_driver_that_does_not_come_back_is_told(pictures: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -39,6 +39,36 @@ def test_kitti_boxes_are_left_top_right_bottom(tmp_path: Path) -> None:
     assert (truth.form, truth.says_what_moves) == ('KITTI tracking labels', False)
 
 
+def test_mot_counts_from_one_and_leaves_out_what_its_own_evaluation_does(tmp_path: Path) -> None:
+    truth = load_truth(write(tmp_path / 'gt.txt', (
+        '1,3,794.27,247.59,71.245,174.88,1,1,0.86\n'  # a pedestrian
+        '2,4,11,21,30,40,0,3,1\n'                     # flag 0: a car, not evaluated
+        '2,5,11,21,30,40,1,7,1\n'                     # class 7: a person who stands
+        '2,6,11,21,30,40,0,11,1\n')))                 # class 11: what hides others is no object
+    assert [tuple(row) for row in truth.boxes.tolist()] == [
+        (0, 3, pytest.approx(793.27), pytest.approx(246.59), 71.245, 174.88, 1),
+        (1, 4, 10, 20, 30, 40, -1), (1, 5, 10, 20, 30, 40, -1)]
+    assert (truth.form, truth.says_what_moves) == ('MOT Challenge annotation', False)
+
+
+@pytest.mark.parametrize('place', ['-1,-1,-1', '4.1671,2.0413,0', '-10.6,-8.2,0'])
+def test_mot_of_2015_has_places_in_space_and_no_classes(tmp_path: Path, place: str) -> None:
+    truth = load_truth(write(tmp_path / 'gt.txt', f'1,1,11,21,30,40,1,{place}\n2,1,11,21,30,40,0,{place}\n'))
+    assert truth.boxes.tolist() == [(0, 1, 10, 20, 30, 40, 1), (1, 1, 10, 20, 30, 40, -1)]
+    assert truth.form == 'MOT Challenge annotation'
+
+
+def test_mot_lines_may_end_with_a_comma(tmp_path: Path) -> None:
+    """Of 9 columns and a comma the eighth is the class still: 7 is a person who stands."""
+    truth = load_truth(write(tmp_path / 'gt.txt', '1,3,11,21,30,40,1,1,0.86,\n2,5,11,21,30,40,1,7,1,\n'))
+    assert truth.boxes['moving'].tolist() == [1, -1]
+
+
+def test_mot_names_the_line_that_is_wrong(tmp_path: Path) -> None:
+    with pytest.raises(SourceError, match=r'gt.txt, line 3: could not convert string to float'):
+        load_truth(write(tmp_path / 'gt.txt', '1,1,11,21,30,40,1,9,1\n1,1,11,21,30,40,1,1,1\n1,1,1,b,30,40,1,1,1\n'))
+
+
 def test_csv_with_and_without_moving(tmp_path: Path) -> None:
     labelled = load_truth(write(tmp_path / 'a.csv', 'frame,id,x,y,w,h,moving\n4,7,1.5,2,3,4,0\n5,7,1,2,3,4,-1\n'))
     assert labelled.boxes.tolist() == [(4, 7, 1.5, 2, 3, 4, 0), (5, 7, 1, 2, 3, 4, -1)]
@@ -61,6 +91,10 @@ def test_written_truth_reads_back_exactly(tmp_path: Path) -> None:
     ('1,0,1,2,3,4,1,4,0,0\n2,0,1\n', 'line 2: '),
     ('frame,id,x,y,w\n', 'column h is missing'),
     ('frame,id,x,y,w,h\n1,1,1,1,1\n', 'line 2: '),
+    ('frame,id,x,y,w,h\n1,1,1,1,1,1\n1,1,nan,1,1,1\n', 'line 3: expected a box of finite numbers, got nan, 1, 1, 1'),
+    ('1,1,11,21,inf,40,1,1,1\n', 'line 1: expected a box of finite numbers, got 11, 21, inf, 40'),
+    (f'frame,id,x,y,w,h\n1,1,{"9" * 131073},1,1,1\n', 'line 2: field larger than field limit'),
+    (f'frame,{"i" * 131073},x,y,w,h\n', 'line 1: field larger than field limit'),
 ])
 def test_malformed_truth_names_the_line(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(SourceError, match=message):

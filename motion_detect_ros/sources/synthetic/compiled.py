@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar, cast
 
-import numba
+from motion_detect_ros.core import kernels
 
 F = TypeVar('F', bound=Callable[..., object])
 
 
 def kernel(function: F) -> F:
     """Compiled loop over pixels: cached on disk, no GIL, no fastmath (the bytes must not vary)."""
-    return cast(F, numba.njit(cache=True, nogil=True, error_model='numpy')(function))
+    return cast(F, kernels.kernel(error_model='numpy')(function))
 
 
 def inlined(function: F) -> F:
     """Compiled and merged into its caller: per pixel, the call itself would cost more than the work."""
-    return cast(F, numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True)(function))
+    return cast(F, kernels.kernel(error_model='numpy', forceinline=True)(function))
