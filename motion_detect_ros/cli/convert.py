@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from motion_detect_ros.cli.output_folders import refuse_existing
+from motion_detect_ros.cli.progress import track
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import CameraModel, RecordArray
 from motion_detect_ros.sources import messages
@@ -82,7 +82,7 @@ def convert(source: FrameSource, output: Path, compressed: bool = False, truth: 
     inertial = deque(source.oxts() if isinstance(source, KittiDrive) else ())
     count = 0
     with BagWriter(output, compress=False) as bag:
-        for frame in tqdm(source, total=source.frame_count, unit='frame', disable=None):
+        for frame in track(source, source.frame_count, source.name):
             while inertial and inertial[0].stamp_ns <= frame.stamp_ns:
                 _write_oxts(bag, inertial.popleft())
             _write_camera_info(bag, frame, source)

@@ -12,15 +12,15 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from tqdm import tqdm
 
 from motion_detect_ros.cli.demo_pictures import write_pictures
 from motion_detect_ros.cli.demo_table import Run, table
-from motion_detect_ros.cli.outputs import CSV_HEADER, csv_row
+from motion_detect_ros.cli.progress import track
 from motion_detect_ros.core.errors import BackendError, SourceError
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.types import NANOSECONDS, RecordArray
 from motion_detect_ros.presets import load_preset
+from motion_detect_ros.results.rows import CSV_HEADER, csv_row
 from motion_detect_ros.sources.bags import BagFrames, BagWriter
 from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
 from motion_detect_ros.sources.truth import write_truth
@@ -85,7 +85,7 @@ def record_flight(config: FlightConfig, folder: Path) -> RecordArray:
     """Draw the flight into ``folder``: a bag with /image_raw and /camera_info, and the truth as CSV, returned too."""
     flight, truth = SyntheticFlight(config), []
     with BagWriter(folder / FLIGHT_BAG, compress=False) as bag:
-        for frame in tqdm(flight, total=len(flight), unit='frame', desc='flight', disable=None):
+        for frame in track(flight, len(flight), 'flight'):
             bag.write_camera_info(frame.camera, frame.stamp_ns)
             bag.write_image(frame.image, frame.stamp_ns)
             truth.append(frame.truth)
@@ -99,7 +99,7 @@ def run_in_process(bag: Path, preset: str) -> Run:
     frames = BagFrames(bag)
     pipeline = MotionPipeline(load_preset(preset), frames.camera)
     results = [pipeline.process(frame.image, frame.stamp_ns)
-               for frame in tqdm(frames, total=frames.frame_count, unit='frame', desc='in process', disable=None)]
+               for frame in track(frames, frames.frame_count, 'in process')]
     return Run(tuple(result.stamp_ns for result in results),
                {index: result.detections for index, result in enumerate(results)},
                len(results), tuple(result.times_ms.total for result in results))

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from tqdm import tqdm
 
 from motion_detect_ros.cli.contact_sheet import Tile, contact_sheet, spread_over
-from motion_detect_ros.cli.demo_table import Run, boxes_of
-from motion_detect_ros.cli.metrics import match
+from motion_detect_ros.cli.demo_table import Run
+from motion_detect_ros.cli.progress import track
 from motion_detect_ros.cli.video import VideoWriter
 from motion_detect_ros.core.drawing import draw_boxes, draw_detections
 from motion_detect_ros.core.errors import BackendError
 from motion_detect_ros.core.types import ByteArray, DoubleArray, RecordArray, empty_detections
+from motion_detect_ros.results.metrics import boxes_of, match
 from motion_detect_ros.sources.bags import BagFrames
 
 TILES, TILE_IOU = 12, 0.3
@@ -32,7 +32,7 @@ def write_pictures(bag: Path, truth: RecordArray, run: Run, fps: float, video: P
     frames, tiles = BagFrames(bag), []
     chosen = set(spread_over(len(run.stamps_ns), TILES))
     with VideoWriter(video, fps) as movie:
-        for frame in tqdm(frames, total=frames.frame_count, unit='frame', desc='draw', disable=None):
+        for frame in track(frames, frames.frame_count, 'draw'):
             moving = truth[(truth['frame'] == frame.index) & (truth['moving'] == 1)]
             records = run.records.get(frame.index)
             picture = annotate(frame.image, empty_detections() if records is None else records, moving)

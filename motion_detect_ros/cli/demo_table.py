@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from motion_detect_ros.cli.evaluate import WARM_UP_FRAMES
-from motion_detect_ros.cli.metrics import IGNORED, Score, score_boxes
-from motion_detect_ros.cli.outputs import Percentiles
-from motion_detect_ros.core.types import DoubleArray, RecordArray
+from motion_detect_ros.core.types import RecordArray
+from motion_detect_ros.results.evaluation import WARM_UP_FRAMES
+from motion_detect_ros.results.metrics import IGNORED, Score, boxes_of, score_boxes
+from motion_detect_ros.results.summary import Percentiles
 
 IOUS = (0.3, 0.5)
 #: Objects of less area are "small" in the COCO evaluation (Lin et al., ECCV 2014), pixels^2.
@@ -44,12 +44,6 @@ class ScoreRow:
     what: str
     iou: float
     score: Score
-
-
-def boxes_of(records: RecordArray) -> DoubleArray:
-    """(N, 4) float64 x, y, width, height, pixels, of detections with x, y the top left corner."""
-    u, v, width, height = (records[name].astype(np.float64) for name in ('u', 'v', 'width', 'height'))
-    return np.stack([u - width / 2, v - height / 2, width, height], axis=-1)
 
 
 def without_small(truth: RecordArray) -> RecordArray:

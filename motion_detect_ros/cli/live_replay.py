@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 from pathlib import Path
 
 import motion_detect_ros
@@ -17,10 +18,13 @@ from motion_detect_ros.cli.live import (
     Playback,
     spread,
 )
-from motion_detect_ros.cli.outputs import SUMMARY_NAME, ReplayOutputs
 from motion_detect_ros.core.errors import MessageError, SourceError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.presets import load_preset
+from motion_detect_ros.results.detection_writer import FrameDetections
+from motion_detect_ros.results.files import BAG_NAME, CSV_NAME, SUMMARY_NAME, write_whole
+from motion_detect_ros.results.formats import remove_others
+from motion_detect_ros.results.outputs import DetectionOutputs
 from motion_detect_ros.sources.bags import BagFrames, BagReader, is_bag
 from motion_detect_ros.sources.messages import COMPRESSED_IMAGE
 
@@ -51,12 +55,13 @@ def replay_live(
     with LiveGraph(preset, compressed=compressed) as graph:
         playback = graph.play(bag.resolve(), wanted_images, rate, topics)
     folder.mkdir(parents=True, exist_ok=True)
+    remove_others(folder, (CSV_NAME, BAG_NAME, SUMMARY_NAME))
     frame_of = _frame_numbers(bag, frames.topic.name)
-    with ReplayOutputs(folder) as outputs:
+    with DetectionOutputs(folder, str(bag)) as outputs:
         for message in playback.received:
             if message.stamp_ns in frame_of:
-                outputs.write(frame_of[message.stamp_ns], message.stamp_ns, message.records)
-    _write_summary(folder, bag, images, playback)
+                outputs.write(FrameDetections(frame_of[message.stamp_ns], message.stamp_ns, message.records))
+    write_live_summary(folder, bag, images, playback)
     unanswered = wanted_images - len(playback.received)
     median, p95, _ = spread([message.latency_ms for message in playback.received])
     return unanswered, (f'{folder}: {images} images, {len(playback.received)} answers, latency {median:.0f} ms median, '
@@ -73,13 +78,15 @@ def _frame_numbers(bag: Path, topic: str) -> dict[int, int]:
     return numbers
 
 
-def _write_summary(folder: Path, bag: Path, images: int, playback: Playback) -> None:
-    median, p95, p99 = spread([message.latency_ms for message in playback.received])
+def write_live_summary(folder: Path, bag: Path, images: int, playback: Playback) -> None:
+    """Write summary.json of a bag of so many images, whole or not at all."""
+    latencies = spread([message.latency_ms for message in playback.received])
     detections = [message.records for message in playback.received]
     summary = {
         'input': str(bag), 'version': motion_detect_ros.__version__, 'live': True, 'frames': images,
         'source_frames': images, 'answered': len(playback.received),
         'detections': sum(len(records) for records in detections),
         'objects': len({int(number) for records in detections for number in records['id']}),
-        'latency_ms': {'p50': round(median, 3), 'p95': round(p95, 3), 'p99': round(p99, 3)}}
-    (folder / SUMMARY_NAME).write_text(json.dumps(summary, indent=2) + '\n', encoding='utf-8')
+        'latency_ms': {name: round(value, 3) if math.isfinite(value) else None  # JSON has no NaN
+                       for name, value in zip(('p50', 'p95', 'p99'), latencies, strict=True)}}
+    write_whole(folder / SUMMARY_NAME, json.dumps(summary, indent=2) + '\n')

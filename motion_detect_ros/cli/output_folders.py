@@ -20,9 +20,9 @@ def folder_name(path: str) -> str:
     return _ODD.sub('_', Path(path).resolve().stem).strip(' .') or NAMELESS
 
 
-def folders_of(inputs: Sequence[str], output: Path) -> list[Path]:
-    """One folder for each input, directly in ``output``, no two the same; ``output`` itself for a single input."""
-    if len(inputs) == 1:
+def folders_of(inputs: Sequence[str], output: Path, several: bool = True) -> list[Path]:
+    """One folder for each input, directly in ``output``, no two the same; without ``several``, ``output`` itself."""
+    if not several:
         return [output]
     folders: list[Path] = []
     for path in inputs:

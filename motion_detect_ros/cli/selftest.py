@@ -17,10 +17,10 @@ from pathlib import Path
 
 from motion_detect_ros.cli.demo import record_flight, run_in_process
 from motion_detect_ros.cli.demo_table import score_rows
-from motion_detect_ros.cli.outputs import Percentiles
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.pipeline import warm_up
 from motion_detect_ros.presets import load_preset
+from motion_detect_ros.results.summary import Percentiles
 from motion_detect_ros.sources.synthetic import FlightConfig
 
 OK, FAILED = 0, 1

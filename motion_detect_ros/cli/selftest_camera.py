@@ -56,7 +56,7 @@ def judged(publishers: int, ages_s: list[float], gaps: GapWatch, seconds: float)
     """What the images say. ages_s: of their stamps on arrival."""
     if not ages_s:
         return False, f'no images from {publishers} publishers', (
-            'start the driver' if not publishers else '--best-effort, and image_reliability:=best_effort for the nodes')
+            'start the driver' if not publishers else 'try --best-effort (the nodes find out by themselves)')
     losses = gaps.losses()
     lost = losses.share if losses else 0.0
     found = f'{len(ages_s) / seconds:.1f} Hz, {lost:.0%} lost on the way, stamps {ages_s[-1]:.2f} s old'

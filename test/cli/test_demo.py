@@ -13,8 +13,9 @@ import pytest
 from mcap.reader import make_reader
 
 from motion_detect_ros.cli.demo import exit_code, real_time_factor
-from motion_detect_ros.cli.demo_table import Run, boxes_of, largest_difference, score_rows, table, without_small
+from motion_detect_ros.cli.demo_table import Run, largest_difference, score_rows, table, without_small
 from motion_detect_ros.core.types import TRUTH_DTYPE, RecordArray, empty_detections
+from motion_detect_ros.results.metrics import boxes_of
 
 START_NS, PERIOD_NS = 1_700_000_000_000_000_000, 50_000_000
 FRAMES = 20

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from motion_detect_ros.__main__ import main
 from motion_detect_ros.cli.inspect import inspect_bag
+from motion_detect_ros.results.error_pictures import FALSE_BGR, MISSED_BGR
 from motion_detect_ros.sources.bags import BagWriter
 
 
@@ -122,3 +125,121 @@ def test_inspect_of_a_cut_bag_exits_with_3(tmp_path: Path, capsys: pytest.Captur
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].endswith('3 readable messages, 0.000 s')
     assert lines[1] == 'damaged: a.mcap: the end is missing (recording was cut off)'
+
+
+class TestManyClipsAndRuns:
+    """Two clips of 20 frames with one mover: run ``good`` finds it always, run ``bad`` in clip ``a`` only."""
+
+    @pytest.fixture
+    def runs(self, tmp_path: Path) -> Path:
+        for run, clip, last in (('good', 'a', 20), ('good', 'b', 20), ('bad', 'a', 20), ('bad', 'b', 0)):
+            folder = tmp_path / run / clip
+            folder.mkdir(parents=True)
+            (folder / 'detections.csv').write_text('frame,id,x,y,w,h\n' + ''.join(
+                f'{frame},1,10,20,30,40\n' for frame in range(last)))
+        (tmp_path / 'truth').mkdir()
+        for clip in ('a', 'b'):
+            (tmp_path / 'truth' / f'{clip}.csv').write_text('frame,id,x,y,w,h,moving\n' + ''.join(
+                f'{frame},1,10,20,30,40,1\n' for frame in range(20)))
+        return tmp_path
+
+    def test_each_clip_and_their_mean(self, runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        result = run_json(capsys, 'evaluate', str(runs / 'bad'), '--truth', str(runs / 'truth'), '--iou', '0.5')
+        assert [result['clips'][clip]['moving@0.5']['f1'] for clip in 'ab'] == [1.0, 0.0]  # type: ignore[index]
+        mean = result['mean']['moving@0.5']  # type: ignore[index]
+        assert (mean['f1'], mean['recall']) == (0.5, 0.5)
+        assert mean['interval'] == [0.0, 1.0], 'drawn clips: both a, both b'
+        assert 'clips and, in them, blocks of 25 frames' in str(result['interval'])
+        assert str(result['caution']).startswith('10 frames of the shortest clip are few')
+
+    def test_table_of_clips(self, runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        assert main(['evaluate', str(runs / 'bad'), '--truth', str(runs / 'truth'), '--iou', '0.5',
+                     '--counting', 'moving']) == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert lines[0].startswith('2 clips, 20 frames; moving: only objects')
+        assert lines[3].split() == ['a', '1.000', '1.000', '1.000', '10', '0', '0', '0.00']
+        assert lines[5].split() == ['mean', '0.500', '0.500', '0.500', '0.00', '[0.000,', '1.000]']
+        assert lines[7].startswith('[low, high]: 95% interval of F1 over 1000 draws')
+        assert lines[8].startswith('caution: 10 frames of the shortest clip are few: under 125 blocks are cut short')
+
+    def test_runs_side_by_side(self, runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        words = ['evaluate', '--compare', str(runs / 'bad'), str(runs / 'good'), '--truth', str(runs / 'truth'),
+                 '--iou', '0.5', '--counting', 'moving']
+        assert main(words) == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert lines[0].startswith('2 clips, 20 frames; ')
+        assert lines[1:3] == ['A: bad', 'B: good']
+        assert lines[6].split() == ['b', '0.000', '1.000', '+1.000']
+        assert lines[7].split() == ['mean', '0.500', '1.000', '+0.500']
+        assert lines[8] == '  B - A [-1.000, +1.000]: no difference shown'
+        mean = run_json(capsys, *words)['runs']['good']['mean']['moving@0.5']  # type: ignore[index]
+        assert (mean['difference'], mean['difference_interval']) == (0.5, [-1.0, 1.0])
+
+    def test_one_clip_has_the_name_of_its_truth_and_no_mean(
+        self, runs: Path, capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        assert main(['evaluate', str(runs / 'bad' / 'b'), '--compare', str(runs / 'good' / 'a'), '--truth',
+                     str(runs / 'truth' / 'a.csv'), '--iou', '0.5', '--counting', 'moving']) == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert lines[:3] == ['10 frames; moving: only objects labelled as moving are wanted; all: standing ones too',
+                             'A: b', 'B: a']
+        assert lines[5].split() == ['a', '0.000', '1.000', '+1.000']
+        assert lines[6] == '  B - A [+1.000, +1.000]'
+
+    def test_a_clip_without_truth_is_left_out_and_said(
+        self, runs: Path, capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        (runs / 'truth' / 'b.csv').unlink()
+        assert main(['evaluate', str(runs / 'good'), '--truth', str(runs / 'truth')]) == 3
+        assert capsys.readouterr().err == 'error: no truth for b: left out\n'
+
+    @pytest.mark.parametrize(('words', 'complaint'), [
+        ([], 'evaluate: expected detections, or two runs or more after --compare'),
+        (['good', '--worst', '2'], '--worst: expected a number of frames together with -o FOLDER'),
+        (['good', '--block', '0'], '--block: expected 1 or more, got 0'),
+        (['--compare', 'good', 'good'], '--compare: expected different runs, got good twice'),
+    ])
+    def test_wrong_use(self, runs: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+                       words: list[str], complaint: str) -> None:
+        monkeypatch.chdir(runs)
+        assert main(['evaluate', *words, '--truth', 'truth']) == 2
+        assert capsys.readouterr().err == f'error: {complaint}\n'
+
+    def test_identity_is_that_of_trackeval(self, runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        pytest.importorskip('trackeval', reason='pip install --no-deps trackeval')
+        capsys.readouterr()  # it prints when it is imported
+        result = run_json(capsys, 'evaluate', str(runs / 'good'), '--truth', str(runs / 'truth'), '--identity')
+        score = result['identity']['good']['a']  # type: ignore[index]
+        assert (score['hota'], score['idf1_50'], score['switches'], score['mostly']) == (1.0, 1.0, 0, 1)
+
+    def test_identity_without_its_package(
+        self, runs: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        monkeypatch.setitem(sys.modules, 'trackeval', None)
+        monkeypatch.delitem(sys.modules, 'trackeval.metrics', raising=False)
+        assert main(['evaluate', str(runs / 'good'), '--truth', str(runs / 'truth'), '--identity']) == 2
+        assert 'pip install --no-deps trackeval' in capsys.readouterr().err
+
+
+def test_worst_frames_are_read_again_from_the_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Grey pictures 0 to 11 of known brightness; only in frame 7 is the box wrong: a false one and a missed one."""
+    (tmp_path / 'flight').mkdir()
+    for frame in range(12):
+        cv2.imwrite(str(tmp_path / 'flight' / f'{frame:06d}.png'), np.full((200, 320, 3), 10 * frame, np.uint8))
+    assert main(['replay', str(tmp_path / 'flight'), '-o', str(tmp_path / 'out')]) == 0
+    (tmp_path / 'out' / 'detections.csv').write_text('frame,id,x,y,w,h\n' + ''.join(
+        f'{frame},1,{200 if frame == 7 else 100},20,30,40\n' for frame in range(12)))
+    truth = tmp_path / 'flight.csv'
+    truth.write_text('frame,id,x,y,w,h,moving\n' + ''.join(f'{frame},1,100,20,30,40,1\n' for frame in range(12)))
+    capsys.readouterr()
+    assert main(['evaluate', str(tmp_path / 'out'), '--truth', str(truth), '--skip', '2', '--worst', '3', '-o',
+                 str(tmp_path / 'worst')]) == 0
+    assert [path.name for path in (tmp_path / 'worst').iterdir()] == ['out_000007.png']
+    assert capsys.readouterr().out.splitlines()[-1] == str(tmp_path / 'worst' / 'out_000007.png')
+    picture = cv2.imread(str(tmp_path / 'worst' / 'out_000007.png'))
+    inside = picture[6:206, 6:326]  # the sheet's margin
+    assert tuple(inside[30, 290]) == (70, 70, 70), 'the picture of frame 7'
+    assert tuple(inside[20, 215]) == FALSE_BGR
+    assert tuple(inside[20, 115]) == MISSED_BGR

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import multiprocessing
 import os
+from collections import Counter
 from pathlib import Path
 
 import cv2
@@ -14,11 +16,12 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from motion_detect_ros.__main__ import main
-from motion_detect_ros.cli.outputs import Percentiles, csv_row
-from motion_detect_ros.cli.replay import Job, replay, worker_pool
+from motion_detect_ros.cli.batch.jobs import Job
+from motion_detect_ros.cli.batch.one_input import replay
+from motion_detect_ros.cli.batch.processes import share_cores
 from motion_detect_ros.core.config import LoadConfig, PipelineConfig
 from motion_detect_ros.core.pipeline import Measured, MotionPipeline, use_threads
-from motion_detect_ros.core.types import DETECTION_DTYPE, Result, empty_detections
+from motion_detect_ros.core.types import DETECTION_DTYPE, Result
 from motion_detect_ros.sources.bags import BagWriter
 
 FRAMES = 14
@@ -56,6 +59,7 @@ def test_two_runs_are_byte_identical(bag: Path, replayed: Path, tmp_path: Path) 
     assert main(['replay', str(bag), '-o', str(tmp_path)]) == 0
     first = (replayed / 'detections.csv').read_bytes()
     assert first == (tmp_path / 'detections.csv').read_bytes()
+    assert (replayed / 'frames.csv').read_bytes() == (tmp_path / 'frames.csv').read_bytes()
     assert first.count(b'\n') > 1, 'the scene must give detections, or the comparison says nothing'
 
 
@@ -63,7 +67,8 @@ def test_csv_and_bag_hold_what_the_pipeline_finds(replayed: Path) -> None:
     pipeline = MotionPipeline(PipelineConfig())
     expected = [pipeline.process(scene(index), 10**9 + index * 40_000_000).detections for index in range(FRAMES)]
     with AnyReader([replayed / 'detections.mcap']) as reader:
-        read = [(stamp, reader.deserialize(data, c.msgtype)) for c, stamp, data in reader.messages()]
+        read = [(stamp, reader.deserialize(data, c.msgtype)) for c, stamp, data in reader.messages()
+                if c.topic == '/detections']
     assert [stamp for stamp, _ in read] == [10**9 + index * 40_000_000 for index in range(FRAMES)]
     clouds = [np.frombuffer(cloud.data.tobytes(), DETECTION_DTYPE) for _, cloud in read]
     assert [cloud.tobytes() for cloud in clouds] == [records.tobytes() for records in expected]
@@ -80,6 +85,7 @@ def test_summary(replayed: Path) -> None:
     summary = json.loads((replayed / 'summary.json').read_text())
     assert (summary['frames'], summary['bad_frames'], summary['complete']) == (FRAMES, 0, True)
     assert summary['image_size'] == [320, 240]
+    assert [summary[name] for name in ('fps', 'topic', 'start_s', 'duration_s', 'every')] == [None] * 5
     assert summary['ego_status']['first_frame'] == 1
     assert summary['last_stamp_ns'] - summary['first_stamp_ns'] == 13 * 40_000_000
     assert set(summary['stage_ms']) == {'preprocessing', 'ego_motion', 'optical_flow', 'clustering', 'total'}
@@ -93,17 +99,33 @@ def test_summary(replayed: Path) -> None:
     assert not list(replayed.glob('*.part'))
 
 
-def test_csv_row_by_hand() -> None:
-    record = empty_detections(1)
-    record[['u', 'v', 'width', 'height', 'score', 'id']] = (50.5, 20, 11, 4, 0.25, 7)
-    record['ttc'] = np.inf
-    assert csv_row(3, 99, record[0]) == (
-        '3,99,7,45.00000,18.00000,11.00000,4.00000,0.25000,0.00000,0.00000,inf')
+def test_frames_csv_says_what_became_of_every_frame(replayed: Path) -> None:
+    """The camera of the scene drifts 3 px a frame to the right: what is at x was at x + 3."""
+    with (replayed / 'frames.csv').open() as stream:
+        rows = list(csv.DictReader(stream))
+    with (replayed / 'detections.csv').open() as stream:
+        found = Counter(row['frame'] for row in csv.DictReader(stream))
+    assert [int(row['frame']) for row in rows] == list(range(FRAMES))
+    assert [int(row['stamp_ns']) for row in rows] == [10**9 + index * 40_000_000 for index in range(FRAMES)]
+    assert [int(row['detections']) for row in rows] == [found[row['frame']] for row in rows]
+    assert (rows[0]['ego_status'], rows[0]['m00'], rows[0]['m12']) == ('first_frame', '', '')
+    for row in rows[1:]:
+        assert row['ego_status'] == 'ok'
+        assert [float(row[f'm{name}']) for name in ('00', '01', '10', '11')] == pytest.approx([1, 0, 0, 1], abs=5e-3)
+        assert (float(row['m02']), float(row['m12'])) == pytest.approx((-3, 0), abs=0.3)
 
 
-def test_percentiles_of_a_known_list() -> None:
-    assert Percentiles.of([float(n) for n in range(101)]) == Percentiles(50.0, 95.0)
-    assert Percentiles.of([]) == Percentiles(0.0, 0.0)
+def test_times_csv_adds_up(replayed: Path) -> None:
+    with (replayed / 'times.csv').open() as stream:
+        rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(stream)]
+    assert [row['frame'] for row in rows] == list(range(FRAMES))
+    for row in rows:
+        stages = row['preprocessing'] + row['ego_motion'] + row['optical_flow'] + row['clustering']
+        assert row['total'] == pytest.approx(stages, abs=0.003)
+        assert row['decode'] > 0
+    totals = sorted(row['total'] for row in rows)
+    median = json.loads((replayed / 'summary.json').read_text())['stage_ms']['total']['p50']
+    assert median == pytest.approx((totals[6] + totals[7]) / 2, abs=0.002)
 
 
 def test_several_inputs_get_a_folder_each_and_workers_change_nothing(
@@ -127,9 +149,9 @@ def opencv_threads(config: LoadConfig) -> int:
 @pytest.mark.parametrize('workers', [1, 2, 3])
 def test_workers_share_the_cores_unless_told_how_many_threads(workers: int) -> None:
     cores = len(os.sched_getaffinity(0))
-    with worker_pool(workers) as pool:
-        assert pool.submit(opencv_threads, LoadConfig()).result(600.0) == max(1, cores // workers)
-        assert pool.submit(opencv_threads, LoadConfig(threads=3)).result(600.0) == 3
+    with multiprocessing.get_context('spawn').Pool(1, share_cores, (workers,)) as pool:
+        assert pool.apply(opencv_threads, (LoadConfig(),)) == max(1, cores // workers)
+        assert pool.apply(opencv_threads, (LoadConfig(threads=3),)) == 3
 
 
 def test_one_bad_input_among_several_is_partial(
@@ -179,4 +201,4 @@ def test_an_interrupted_run_keeps_what_it_wrote(
     assert (summary['complete'], summary['frames']) == (False, 10)
     assert (tmp_path / 'detections.csv.part').read_text().startswith('frame,stamp_ns,id')
     with (tmp_path / 'detections.mcap.part').open('rb') as stream:
-        assert sum(1 for _ in make_reader(stream).iter_messages()) == 10
+        assert sum(1 for _ in make_reader(stream).iter_messages(['/detections'])) == 10

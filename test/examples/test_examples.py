@@ -56,7 +56,8 @@ def angle_deg(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize('name', sorted(path.stem for path in EXAMPLES.glob('*.py')))
 def test_every_example_is_run_here(name: str) -> None:
-    assert name in {*RUN, 'vision_boxes', 'read_detections_mcap', 'watchdog'}  # watchdog: test/nodes/test_watchdog.py
+    elsewhere = {'watchdog', 'analyse_flight'}  # test/nodes/test_watchdog.py, test_analyse_flight.py
+    assert name in {*RUN, 'vision_boxes', 'read_detections_mcap', *elsewhere}
     assert name in (EXAMPLES / 'README.md').read_text(encoding='utf-8')
 
 

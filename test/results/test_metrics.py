@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,10 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from motion_detect_ros.cli.evaluate import evaluate, read_boxes
-from motion_detect_ros.cli.metrics import MOVING_AND_STANDING, match, overlaps, score_boxes
 from motion_detect_ros.core.types import TRUTH_DTYPE
-from motion_detect_ros.sources.truth import load_truth, write_truth
+from motion_detect_ros.results.evaluation import ClipEvaluation, Figure, evaluate_clip, figure_of
+from motion_detect_ros.results.metrics import COUNTINGS, MOVING_AND_STANDING, match, overlaps, score_boxes
+from motion_detect_ros.sources.truth import write_truth
 
 SQUARE = np.array([[0.0, 0.0, 10.0, 10.0]])
 
@@ -121,6 +122,16 @@ def write_random_case(folder: Path, seed: int) -> tuple[Path, Path]:
     return folder / 'truth.csv', folder / 'found.csv'
 
 
+def score_with(scorer: Path, truth: Path, found: Path, skip: int) -> dict[str, Any]:
+    return json.loads(subprocess.run(
+        [sys.executable, scorer, truth, found, '--json', '--skip', str(skip)],
+        check=True, capture_output=True, text=True, timeout=600).stdout)
+
+
+def all_figures(clips: list[ClipEvaluation]) -> list[Figure]:
+    return [figure_of(clips, counting, iou) for counting in COUNTINGS for iou in (0.3, 0.5)]
+
+
 @pytest.mark.parametrize('seed', range(8))
 def test_agrees_with_the_clips_own_scorer(clips: Path, tmp_path: Path, seed: int) -> None:
     scorer = clips.parent / 'tools' / 'score.py'
@@ -128,12 +139,25 @@ def test_agrees_with_the_clips_own_scorer(clips: Path, tmp_path: Path, seed: int
         pytest.skip(f'no {scorer}')
     truth, found = write_random_case(tmp_path, seed)
     skip = seed % 3
-    theirs = json.loads(subprocess.run(
-        [sys.executable, scorer, truth, found, '--json', '--skip', str(skip)],
-        check=True, capture_output=True, text=True, timeout=600).stdout)
-    ours = evaluate(read_boxes(found), load_truth(truth), [0.3, 0.5], skip)
+    theirs = score_with(scorer, truth, found, skip)
+    clip = evaluate_clip('clip', truth, {'run': found}, skip)
+    ours = {figure.name: figure.scores['clip']['run'] for figure in all_figures([clip])}
     assert set(ours) == set(theirs) - {'frames'}
     for name, score in ours.items():
         assert {'precision': round(score.precision, 3), 'recall': round(score.recall, 3), 'f1': round(score.f1, 3),
                 'gt': score.wanted, 'false_per_frame': round(score.false_per_frame, 2)} == theirs[name]
         assert score.frames == theirs['frames']
+
+
+def test_mean_over_clips_is_that_of_the_clips_own_scorer(clips: Path, tmp_path: Path) -> None:
+    scorer = clips.parent / 'tools' / 'score.py'
+    if not scorer.is_file():
+        pytest.skip(f'no {scorer}')
+    cases, theirs = [], []
+    for seed in (20, 21, 22):
+        (tmp_path / str(seed)).mkdir()
+        truth, found = write_random_case(tmp_path / str(seed), seed)
+        cases.append(evaluate_clip(str(seed), truth, {'run': found}, skip=1))
+        theirs.append(score_with(scorer, truth, found, 1))
+    for figure in all_figures(cases):
+        assert figure.means['run'] == pytest.approx(np.mean([one[figure.name]['f1'] for one in theirs]), abs=5e-4)

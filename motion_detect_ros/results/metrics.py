@@ -20,9 +20,14 @@ _INSIDE_IGNORED = 0.5
 #: Keeps the division of empty areas finite, pixels^2.
 _TINY_AREA = 1e-9
 
+CountArray = npt.NDArray[np.int64]
+NO_BOXES: DoubleArray = np.empty((0, 4))
+
 MOVING_ONLY = (1,)
 MOVING_AND_STANDING = (0, 1)
 IGNORED = -1
+#: What is wanted: moving objects only, or every labelled object.
+COUNTINGS: Mapping[str, tuple[int, ...]] = {'moving': MOVING_ONLY, 'all': MOVING_AND_STANDING}
 
 
 @dataclass(frozen=True)
@@ -33,6 +38,12 @@ class Score:
     false_positives: int
     wanted: int
     frames: int
+
+    @classmethod
+    def of(cls, counts: CountArray) -> Score:
+        """counts: (F, 3) of ``frame_counts``."""
+        hits, false, wanted = counts.sum(axis=0).tolist() if len(counts) else (0, 0, 0)
+        return cls(hits, false, wanted, len(counts))
 
     @property
     def precision(self) -> float:
@@ -129,14 +140,20 @@ def score_boxes(
     frames: how many the sequence has, the skipped ones included; unless given, up to the last truth or prediction.
     """
     last = (frame_count(truth, predictions) if frames is None else frames) - 1
-    hits = false = total = 0
-    for frame in range(skip, last + 1):
+    return Score.of(frame_counts(truth, predictions, iou_threshold, wanted, range(skip, last + 1)))
+
+
+def frame_counts(
+    truth: RecordArray, predictions: Mapping[int, DoubleArray], iou_threshold: float, wanted: Sequence[int],
+    frames: Sequence[int],
+) -> CountArray:
+    """(F, 3) hits, false predictions and wanted boxes of each of ``frames``; the rest as ``score_boxes``."""
+    counts = np.zeros((len(frames), 3), np.int64)
+    for row, frame in zip(counts, frames, strict=True):
         here = truth[truth['frame'] == frame]
-        verdict = judge_frame(here, predictions.get(frame, np.empty((0, 4))), iou_threshold, wanted)
-        hits += int(verdict.hit.sum())
-        false += int((~verdict.hit & ~verdict.ignored).sum())
-        total += len(verdict.wanted)
-    return Score(hits, false, total, max(0, last - skip + 1))
+        verdict = judge_frame(here, predictions.get(frame, NO_BOXES), iou_threshold, wanted)
+        row[:] = verdict.hit.sum(), (~verdict.hit & ~verdict.ignored).sum(), len(verdict.wanted)
+    return counts
 
 
 def frame_count(truth: RecordArray, predictions: Iterable[int]) -> int:
@@ -145,8 +162,14 @@ def frame_count(truth: RecordArray, predictions: Iterable[int]) -> int:
 
 
 def boxes_of_truth(truth: RecordArray) -> DoubleArray:
-    """(N, 4) float64 x, y, width, height of ``TRUTH_DTYPE`` records, pixels."""
+    """(N, 4) float64 x, y, width, height, pixels, of records with fields x, y, w, h, as those of ``TRUTH_DTYPE``."""
     return np.stack([truth[name] for name in ('x', 'y', 'w', 'h')], axis=-1).astype(np.float64)
+
+
+def boxes_of(records: RecordArray) -> DoubleArray:
+    """(N, 4) float64 x, y, width, height, pixels, of ``DETECTION_DTYPE`` records; x, y is the top left corner."""
+    u, v, width, height = (records[name].astype(np.float64) for name in ('u', 'v', 'width', 'height'))
+    return np.stack([u - width / 2, v - height / 2, width, height], axis=-1)
 
 
 def _ignored(predicted: DoubleArray, ignored: DoubleArray, iou_threshold: float) -> BoolArray:

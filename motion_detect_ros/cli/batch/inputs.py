@@ -1,0 +1,127 @@
+"""The inputs that the words of a command line mean: paths, patterns, folders and trees of inputs."""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.results.files import BAG_NAME, SUMMARY_NAME, part_of
+from motion_detect_ros.sources.bags import METADATA_NAME, is_bag, is_recording
+from motion_detect_ros.sources.images import image_files, natural_key
+from motion_detect_ros.sources.kitti import is_kitti_drive
+from motion_detect_ros.sources.opening import looks_like_source
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """``paths``: absolute, no two the same; ``several``: the words may mean more than one, even if it is one today."""
+
+    paths: tuple[str, ...]
+    several: bool
+
+
+def expand_inputs(words: Sequence[str], output: Path) -> Inputs:
+    """Paths stay as they are; a pattern (``*``, ``?``, ``[...]``, ``**``) gives the inputs that it matches, a folder
+    that is no input itself all that are in it, at any depth.
+
+    output: where results go; nothing in there is taken for an input of a folder above it, nor are the detections that
+    an earlier replay left anywhere.
+    Raises: SourceError for a pattern without a match, or a folder whose bags are all left out.
+    """
+    found: dict[Path, None] = {}
+    several = len(words) > 1
+    for word in words:
+        path = Path(word)
+        if not path.exists() and glob.has_magic(word):
+            several = True
+            found |= dict.fromkeys(_matches(word, output.absolute()))
+        elif path.is_dir() and not is_source_folder(path):
+            inside = [*_inside(path.absolute(), _skipped(path, output.absolute()))]
+            if not inside and is_bag(path):
+                raise SourceError(f'{path}: expected bags, videos or folders of pictures, found only what is hidden or '
+                                  'a result of an earlier replay; name the file itself to replay it')
+            several = several or bool(inside)
+            found |= dict.fromkeys(inside or [path.absolute()])
+        else:
+            found[path.absolute()] = None
+    return Inputs(tuple(map(str, _distinct(found))), several)
+
+
+def is_source_folder(folder: Path) -> bool:
+    """Whether the folder is one input: a recorded bag, a KITTI drive, or pictures without bags and videos."""
+    try:
+        if (folder / METADATA_NAME).is_file() or is_kitti_drive(folder):
+            return True
+        if any(entry.is_file() and looks_like_source(entry) for entry in folder.iterdir() if not _is_result(entry)):
+            return is_recording(folder)
+        return bool(image_files(folder))
+    except OSError:  # what is wrong with it is said when it is opened
+        return True
+
+
+def _inside(folder: Path, skipped: Path | None, seen: set[Path] | None = None) -> Iterator[Path]:
+    """The inputs in a folder at any depth, in natural order; what is hidden is left out.
+
+    What cannot be looked at is one of them, so that it is listed with its error. seen: real folders that were searched:
+    links may lead back to one.
+    """
+    seen, real = set() if seen is None else seen, folder.resolve()
+    if folder == skipped or real in seen:
+        return
+    seen.add(real)
+    if is_source_folder(folder):
+        yield folder
+        return
+    for entry in sorted(folder.iterdir(), key=lambda each: natural_key(each.name)):
+        if entry.name.startswith('.'):
+            continue
+        try:
+            is_folder, is_input = entry.is_dir(), not _is_result(entry) and looks_like_source(entry)
+        except OSError:
+            is_folder, is_input = False, True
+        if is_folder:
+            yield from _inside(entry, skipped, seen)
+        elif is_input:
+            yield entry
+
+
+def _matches(pattern: str, output: Path) -> list[Path]:
+    """The inputs that a pattern means; what lies inside of one, as the files of a bag's folder, is not another."""
+    matches = sorted((Path(match).absolute() for match in glob.glob(pattern, recursive=True)),  # noqa: PTH207
+                     key=lambda path: [natural_key(part) for part in path.parts])
+    if not matches:
+        raise SourceError(f'{pattern}: no file or folder matches')
+    fixed = next(parent for parent in Path(pattern).parents if not glob.has_magic(str(parent)))
+    skipped = _skipped(fixed, output)
+    inputs: dict[Path, None] = {}
+    for match in matches:
+        if skipped not in match.parents and not any(parent in inputs for parent in match.parents):
+            inputs |= dict.fromkeys(_inside(match, skipped) if match.is_dir() else _single(match))
+    if not inputs:
+        raise SourceError(f'{pattern}: expected bags, videos or folders of pictures, got {len(matches)} other matches')
+    return [*inputs]
+
+
+def _single(file: Path) -> list[Path]:
+    return [file] if looks_like_source(file) and not _is_result(file) else []
+
+
+def _skipped(searched: Path, output: Path) -> Path | None:
+    """The folder that is not looked into: that of the outputs, unless it is what is searched or contains it."""
+    return output if searched.absolute() in output.parents else None
+
+
+def _is_result(file: Path) -> bool:
+    """Whether a replay wrote this bag; the folder around it may hold inputs too."""
+    return file.name in (BAG_NAME, part_of(Path(BAG_NAME)).name) and file.with_name(SUMMARY_NAME).is_file()
+
+
+def _distinct(paths: Iterable[Path]) -> list[Path]:
+    """Without those that are another one by another name (links, ``a/../b``)."""
+    distinct: dict[Path, Path] = {}
+    for path in paths:
+        distinct.setdefault(path.resolve(), path)
+    return [*distinct.values()]

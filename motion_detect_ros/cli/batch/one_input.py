@@ -1,0 +1,219 @@
+"""One input through a fresh pipeline, from its first wanted frame to its last."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+import motion_detect_ros
+from motion_detect_ros.cli.ahead import Ahead
+from motion_detect_ros.cli.batch.jobs import (
+    NOTHING,
+    OK,
+    PARTIAL,
+    UNREADABLE,
+    Job,
+    Outcome,
+    StoppedError,
+    UnfinishedError,
+    Watch,
+)
+from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.errors import FrameError, MotionDetectError, SourceError
+from motion_detect_ros.core.frame_decimation import FrameDecimation
+from motion_detect_ros.core.pipeline import Measured, MotionPipeline, use_threads
+from motion_detect_ros.core.settings import settings
+from motion_detect_ros.core.stamp_order import StampOrder
+from motion_detect_ros.report.make import REPORT_NAME, report_after_replay
+from motion_detect_ros.results.files import part_of
+from motion_detect_ros.results.formats import output_names, remove_others
+from motion_detect_ros.results.outputs import ReplayOutputs
+from motion_detect_ros.results.summary import Percentiles, Summary, write_summary
+from motion_detect_ros.results.tally import Tally
+from motion_detect_ros.sources.frames import FrameSource, SourceFrame
+from motion_detect_ros.sources.inertial import GyroReplay, InertialSource
+from motion_detect_ros.sources.opening import open_source
+
+
+def run_job(job: Job, watch: Watch = lambda done, total: None) -> Outcome:
+    """Replay one input; whatever goes wrong becomes the outcome, so that the other inputs still run."""
+    try:
+        outcome = outcome_of(job, replay(job, watch))
+        trouble = report_after_replay(job.folder) if job.report else ''
+        return replace(outcome, line=f'{outcome.line}; {trouble}') if trouble else outcome
+    except UnfinishedError as error:
+        return Outcome(PARTIAL, f'error: {error}')
+    except MotionDetectError as error:
+        return Outcome(UNREADABLE, f'error: {error}')
+    except StoppedError:
+        return Outcome(PARTIAL, f'{job.folder}: stopped')
+    except Exception as error:  # of a defect in here the others shall not suffer either
+        traceback.print_exc(file=sys.stderr)
+        return Outcome(NOTHING, f'error: {job.path}: {type(error).__name__}: {error}')
+
+
+def outcome_of(job: Job, summary: Summary) -> Outcome:
+    """What a summary says, in one line."""
+    line = (f'{job.folder}: {summary.frames} frames, {summary.detections} detections of {summary.objects} objects, '
+            f'{summary.stage_ms["total"].p50:.1f} ms a frame')
+    if summary.bad_frames:
+        line += f', {summary.bad_frames} bad frames left out'
+    if summary.misstamped_frames:
+        line += f', {summary.misstamped_frames} left out, their stamps were seen already or late'
+    if summary.damaged:
+        line += f'; {summary.damaged}'
+    if not summary.frames:
+        asked = job.start_s is not None or job.duration_s is not None
+        return Outcome(NOTHING, line + (f'; nothing {job.window}' if asked else ''))
+    return Outcome(PARTIAL if summary.bad_frames or summary.damaged else OK, line)
+
+
+def replay(job: Job, watch: Watch = lambda done, total: None) -> Summary:
+    """Run one input through a fresh pipeline and write its outputs.
+
+    Raises: SourceError for an input that cannot be read or a folder that cannot be written; UnfinishedError where that
+    comes to be after the first frame; what ``watch`` raises. Whatever ends the run, outputs and summary hold what was
+    done.
+    """
+    source = open_source(job.path, job.fps, job.topic, job.window)
+    pipeline = MotionPipeline(job.config, source.camera)
+    gyro = _gyro(source, job.config)
+    use_threads(job.config.load)
+    tally = Tally()
+    try:
+        _begin(job, _summarize(job, source, tally, complete=False))
+        with ReplayOutputs(job.folder, str(job.path), job.formats) as outputs:
+            _process(job, source, pipeline, gyro, outputs, tally, watch)
+        summary = _summarize(job, source, tally, complete=True)
+        write_summary(job.folder, summary)
+    except BaseException as error:
+        with suppress(OSError):
+            write_summary(job.folder, _summarize(job, source, tally, complete=False))
+        if isinstance(error, OSError):
+            error = SourceError(f'{job.folder}: cannot be written: {error.strerror or error}')
+        if isinstance(error, SourceError) and tally.frames:
+            raise UnfinishedError(f'{error}; {tally.frames} frames are kept in the .part files') from None
+        raise error from None
+    return summary
+
+
+def _process(
+    job: Job, source: FrameSource, pipeline: MotionPipeline, gyro: GyroReplay | None, outputs: ReplayOutputs,
+    tally: Tally, watch: Watch,
+) -> None:
+    """Decode, measure and detect, each in a thread of its own, and write."""
+    decimation = FrameDecimation(job.config.load.decimation_keep, job.config.load.decimation_of)
+    with Ahead(_timed(source, job.path, tally)) as frames, Ahead(
+            _measured(pipeline, _in_order(frames, tally), gyro, decimation)) as measured:
+        for timed, motion in measured:
+            if motion is None:
+                tally.bad_frames += 1
+            else:
+                result = pipeline.detect(motion)
+                image = timed.frame.image if job.overlay else None
+                outputs.write(timed.frame.index, timed.decode_ms, result, image)
+                tally.add(result, pipeline.tuned)
+            watch(timed.frame.index + 1, source.frame_count)
+
+
+def _gyro(source: FrameSource, config: PipelineConfig) -> GyroReplay | None:
+    """The angular rates of a source, where the settings want them. Raises: SourceError where it has none."""
+    if not config.imu.use:
+        return None
+    samples = source.gyro() if isinstance(source, InertialSource) else iter(())
+    first = next(samples, None)
+    if first is None:
+        raise SourceError(f'{source.name}: imu.use expects angular rates (a topic of type Imu, oxts), found none')
+    return GyroReplay(chain((first,), samples), config.imu.time_offset_s)
+
+
+@dataclass(frozen=True)
+class TimedFrame:
+    """A frame, and what reading and decoding it took."""
+
+    frame: SourceFrame
+    decode_ms: float
+
+
+def _in_order(frames: Iterable[TimedFrame], tally: Tally) -> Iterator[TimedFrame]:
+    """Without those whose stamps were seen already or are late."""
+    order = StampOrder()
+    for timed in frames:
+        if order.judge(timed.frame.stamp_ns).usable:
+            yield timed
+        else:
+            tally.misstamped_frames += 1
+
+
+def _measured(
+    pipeline: MotionPipeline, frames: Iterable[TimedFrame], gyro: GyroReplay | None, decimation: FrameDecimation,
+) -> Iterator[tuple[TimedFrame, Measured | None]]:
+    """Each frame that is processed and the first half of its result, None for one that the core refuses."""
+    for timed in frames:
+        if not decimation.keep_next():
+            continue
+        frame = timed.frame
+        for sample in gyro.take(frame.stamp_ns) if gyro else ():
+            pipeline.add_gyro(sample.stamp_ns, np.array(sample.rate))
+        try:
+            yield timed, pipeline.measure(frame.image, frame.stamp_ns)
+        except FrameError:  # a picture of another size or type costs that picture only
+            yield timed, None
+
+
+def _timed(source: FrameSource, path: str, tally: Tally) -> Iterator[TimedFrame]:
+    """The frames of a source, with the time each took to read and decode.
+
+    Raises: SourceError where the medium of the source does.
+    """
+    start = perf_counter()
+    try:
+        for frame in source:
+            decode_ms = 1e3 * (perf_counter() - start)
+            tally.read(frame.index, decode_ms)
+            yield TimedFrame(frame, decode_ms)
+            start = perf_counter()
+    except OSError as error:
+        raise SourceError(f'{path}: cannot be read any more: {error.strerror or error}') from None
+
+
+def _begin(job: Job, summary: Summary) -> None:
+    """Make the folder, empty it of earlier results, and leave a summary that says for what they were begun.
+
+    Raises: SourceError, OSError.
+    """
+    _make_folder(job.folder)
+    names = output_names(job.formats)
+    remove_others(job.folder, names)
+    for name in (*names, REPORT_NAME):
+        for file in (job.folder / name, part_of(job.folder / name)):
+            file.unlink(missing_ok=True)
+    write_summary(job.folder, summary)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SourceError(f'{folder}: cannot be made a folder for the outputs: {error.strerror}') from None
+
+
+def _summarize(job: Job, source: FrameSource, tally: Tally, complete: bool) -> Summary:
+    return Summary(
+        input=str(job.path), fps=job.fps, topic=job.topic, start_s=job.start_s, duration_s=job.duration_s,
+        every=job.every, formats=list(job.formats), overlay=job.overlay, version=motion_detect_ros.__version__,
+        complete=complete, damaged=source.damaged, announced_frames=source.frame_count, frames=tally.frames,
+        bad_frames=tally.bad_frames + source.bad_frames, misstamped_frames=tally.misstamped_frames,
+        source_frames=tally.source_frames, detections=tally.detections, objects=len(tally.ids),
+        ego_status=dict(tally.ego_status), image_size=tally.image_size, calibrated=source.camera is not None,
+        first_stamp_ns=tally.first_stamp_ns, last_stamp_ns=tally.last_stamp_ns, stage_ms=tally.stage_ms(),
+        decode_ms=Percentiles.of(tally.decode_ms),
+        settings={name: value for name, value, _ in settings(job.config)}, tuned=tally.tuned)

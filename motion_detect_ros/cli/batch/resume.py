@@ -1,0 +1,92 @@
+"""Whether a folder holds what a job would do: finished, to be done anew, or something else that is not overwritten."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from enum import Enum, auto
+from pathlib import Path
+
+import motion_detect_ros
+from motion_detect_ros.cli.batch.jobs import Job, Outcome
+from motion_detect_ros.cli.batch.one_input import outcome_of
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.core.settings import settings
+from motion_detect_ros.report.make import REPORT_NAME, report_after_replay
+from motion_detect_ros.results.files import SUMMARY_NAME, part_of
+from motion_detect_ros.results.formats import output_names
+from motion_detect_ros.results.summary import Summary, read_summary
+
+
+class Found(Enum):
+    """What is in a job's folder."""
+
+    NOTHING = auto()
+    INCOMPLETE = auto()
+    FINISHED = auto()
+
+
+def sort_out(jobs: Sequence[Job], force: bool) -> tuple[dict[Job, Outcome], list[str]]:
+    """The outcomes of jobs that an earlier run finished, and a line for each that it began and that is done anew;
+    of what is finished a report that is wanted and missing is made.
+
+    force: take all folders for empty. Raises: SourceError where a folder holds something else.
+    """
+    finished: dict[Job, Outcome] = {}
+    lines = []
+    for job in () if force else jobs:
+        found = look(job)
+        if found is Found.FINISHED:
+            finished[job] = _as_earlier(outcome_of(job, read_summary(job.folder)))
+        elif found is Found.INCOMPLETE:
+            lines.append(f'{job.folder}: incomplete, done anew')
+    return {job: _with_report(job, outcome) for job, outcome in finished.items()}, lines
+
+
+def look(job: Job) -> Found:
+    """Raises: SourceError where there are results of another input, window, settings or version, or of unknown ones."""
+    names = output_names(job.formats)
+    files = [file for name in names for file in (job.folder / name, part_of(job.folder / name)) if file.exists()]
+    if not files:
+        return Found.NOTHING
+    try:
+        summary = read_summary(job.folder)
+    except SourceError:
+        known = [file for file in files if file.name == SUMMARY_NAME] or files
+        raise SourceError(f'{known[0]}: exists; --force overwrites it') from None
+    difference = next(_differences(summary, job), None)
+    if difference:
+        raise SourceError(f'{job.folder}: holds a result of something else ({difference}); --force overwrites it')
+    whole = all((job.folder / name).is_file() for name in names) and (summary.overlay or not job.overlay)
+    return Found.FINISHED if summary.complete and whole else Found.INCOMPLETE
+
+
+def _with_report(job: Job, outcome: Outcome) -> Outcome:
+    """Make the report that is wanted now and was not when the job was done."""
+    if not job.report or (job.folder / REPORT_NAME).is_file():
+        return outcome
+    trouble = report_after_replay(job.folder)
+    return replace(outcome, line=f'{outcome.line}; {trouble or f"{REPORT_NAME} made now"}')
+
+
+def _differences(summary: Summary, job: Job) -> Iterator[str]:
+    """What of the job the summary does not say, each in a few words."""
+    if Path(summary.input).resolve() != Path(job.path).resolve():
+        yield f'input {summary.input}, now {job.path}'
+    if summary.version != motion_detect_ros.__version__:
+        yield f'version {summary.version}, now {motion_detect_ros.__version__}'
+    for name in ('fps', 'topic', 'start_s', 'duration_s', 'every'):
+        if getattr(summary, name) != getattr(job, name):
+            yield f'{name} {_shown(getattr(summary, name))}, now {_shown(getattr(job, name))}'
+    now = {name: value for name, value, _ in settings(job.config)}
+    for name in sorted({*now, *summary.settings}):
+        if summary.settings.get(name) != now.get(name):
+            yield f'{name} {_shown(summary.settings.get(name))}, now {_shown(now.get(name))}'
+
+
+def _shown(value: object) -> str:
+    return 'not given' if value is None else str(value)
+
+
+def _as_earlier(outcome: Outcome) -> Outcome:
+    return Outcome(outcome.exit_code, f'{outcome.line} (finished earlier)', earlier=True)

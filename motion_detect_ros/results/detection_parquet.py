@@ -1,0 +1,92 @@
+"""detections.parquet: everything there is about each detection, one row each, for tables over many inputs."""
+
+from __future__ import annotations
+
+from array import array
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from motion_detect_ros.core.errors import BackendError, SourceError
+from motion_detect_ros.core.types import DETECTION_DTYPE
+from motion_detect_ros.results.detection_writer import FrameDetections
+from motion_detect_ros.results.files import PARQUET_NAME, part_of
+from motion_detect_ros.results.metrics import boxes_of
+
+#: Rows of a row group: what is kept in memory, some hundred kilobytes.
+GROUP_ROWS = 4096
+#: Fields of a record that follow the columns of detections.csv, in their own order.
+_BOX, _MORE = ('u', 'v', 'width', 'height'), ('score', 'vel_u', 'vel_v', 'ttc')
+_REST = tuple(name for name in DETECTION_DTYPE.names or () if name not in (*_BOX, *_MORE, 'id'))
+
+
+class ParquetDetections:
+    """The columns of detections.csv and all other fields of ``DETECTION_DTYPE``; ``input`` says what it is of.
+
+    Left by an exception, the part is closed properly: a readable file of everything written so far. A part whose
+    process was killed is none, as the index of the format stands at the end.
+    """
+
+    def __init__(self, folder: Path, source: str) -> None:
+        """source: the column ``input``. Raises: BackendError without pyarrow, SourceError for an unwritable file."""
+        self._arrow, parquet = _pyarrow()
+        self._path, self._source = folder / PARQUET_NAME, source
+        self._start_group()
+        try:
+            self._writer = parquet.ParquetWriter(
+                str(part_of(self._path)), self._group().schema, compression='zstd')
+        except OSError as error:
+            raise SourceError(f'{part_of(self._path)}: cannot be written: {error.strerror or error}') from None
+
+    def write(self, found: FrameDetections) -> None:
+        """Add the rows of one frame."""
+        count = len(found.records)
+        self._frames.extend([found.frame] * count)
+        self._stamps_ns.extend([found.stamp_ns] * count)
+        self._records += found.records.tobytes()
+        if len(self._frames) >= GROUP_ROWS:
+            self._write_group()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None,
+    ) -> None:
+        try:
+            self._write_group()
+        finally:
+            self._writer.close()
+        if kind is None:
+            part_of(self._path).replace(self._path)
+
+    def _start_group(self) -> None:
+        self._frames, self._stamps_ns, self._records = array('q'), array('q'), bytearray()
+
+    def _write_group(self) -> None:
+        if self._frames:
+            self._writer.write_table(self._group())
+            self._start_group()
+
+    def _group(self) -> Any:
+        """pyarrow.Table of the rows that wait."""
+        records = np.frombuffer(bytes(self._records), DETECTION_DTYPE)
+        sources = self._arrow.DictionaryArray.from_arrays(np.zeros(len(records), np.int32), [self._source])
+        columns = {
+            'input': sources, 'frame': np.array(self._frames, np.int64),
+            'stamp_ns': np.array(self._stamps_ns, np.int64), 'id': np.ascontiguousarray(records['id']),
+            **dict(zip('xywh', boxes_of(records).T, strict=True)),
+            **{name: np.ascontiguousarray(records[name]) for name in (*_MORE, *_REST)}}
+        return self._arrow.table(columns)
+
+
+def _pyarrow() -> tuple[Any, Any]:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise BackendError('format parquet: expected the package pyarrow; pip install "motion_detect_ros[parquet]"'
+                           ) from None
+    return pyarrow, pyarrow.parquet

@@ -1,0 +1,137 @@
+"""A full disk, a folder that cannot be written, an input that goes: one clear line, what was written is readable."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from batch_flights import PATIENCE_S, write_flight
+
+from motion_detect_ros.__main__ import main
+from motion_detect_ros.cli.batch.jobs import PARTIAL, Job
+from motion_detect_ros.cli.batch.one_input import run_job
+from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.sources.bag_reader import BagReader
+from motion_detect_ros.sources.raw import RawMessage
+
+TEXTURE = np.random.default_rng(0).integers(0, 256, (96, 128), np.uint8)
+
+
+def test_a_full_disk_ends_that_input_in_one_line(tmp_path: Path):
+    """A limit on the size of files stands in for the disk: the kernel refuses what goes over it, in mid-write."""
+    bag, out = write_flight(tmp_path / 'a.mcap', frames=80), tmp_path / 'out'
+    allow = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (8000, 8000))
+    done = subprocess.run([sys.executable, '-B', '-m', 'motion_detect_ros', 'replay', str(bag), '-o', str(out)],
+                          preexec_fn=allow, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    assert (done.returncode, done.stdout) == (3, ''), done.stderr
+    frames = len((out / 'frames.csv.part').read_text().splitlines()) - 1
+    assert 0 < frames < 80
+    assert done.stderr == (f'error: {out}: cannot be written: File too large; '
+                           f'{frames} frames are kept in the .part files\n')
+    for name in ('frames.csv.part', 'times.csv.part', 'detections.csv.part'):
+        with (out / name).open() as stream:
+            rows = [*csv.reader(stream)]
+        assert len({len(row) for row in rows}) == 1, 'no half row'
+    with BagReader(out / 'detections.mcap.part') as reader:
+        assert len([*reader.messages()]) > 0
+    assert json.loads((out / 'summary.json').read_text())['complete'] is False
+
+
+@pytest.mark.parametrize('words', [[], ['--workers', '2'], ['--scheduler', 'tcp://127.0.0.1:1']])
+def test_a_folder_that_nobody_can_write(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """/sys takes no folders, not of root either."""
+    if '--scheduler' in words:
+        pytest.importorskip('distributed', reason='Dask is an extra')
+    bags = [str(write_flight(tmp_path / name, frames=2)) for name in ('a.mcap', 'b.mcap')]
+    code = main(['replay', *bags[:1 if not words else 2], '-o', '/sys/motion_detect_ros', *words])
+    lines = capsys.readouterr().err.splitlines()
+    assert code == 2
+    assert len(lines) == (2 if '--workers' in words else 1)
+    assert all('cannot be made a folder for the outputs: ' in line for line in lines)
+
+
+def pictures(folder: Path, count: int) -> Path:
+    folder.mkdir()
+    for index in range(count):
+        cv2.imwrite(str(folder / f'{index}.png'), np.roll(TEXTURE, index, axis=1))
+    return folder
+
+
+def test_an_input_that_goes_before_it_is_begun_costs_itself_only(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    bag = write_flight(tmp_path / 'a.mcap', frames=3)
+    assert main(['replay', str(bag), str(tmp_path / 'gone.mcap'), '-o', str(tmp_path / 'out')]) == 3
+    captured = capsys.readouterr()
+    assert captured.err == f'error: {tmp_path}/gone.mcap: no such file or folder\n'
+    assert captured.out.splitlines()[1:] == [
+        '2 inputs: 1 done, 1 failed', f'failed: {tmp_path}/gone.mcap: no such file or folder']
+
+
+def test_a_folder_of_pictures_that_goes_in_mid_run(tmp_path: Path):
+    folder = pictures(tmp_path / 'p', 12)
+
+    def watch(done: int, total: int | None) -> None:
+        if done == 3 and folder.exists():
+            shutil.rmtree(folder)
+
+    outcome = run_job(Job(str(folder), tmp_path / 'out', PipelineConfig()), watch)
+    frames = json.loads((tmp_path / 'out' / 'summary.json').read_text())['frames']
+    assert 3 <= frames < 12
+    assert (outcome.exit_code, outcome.line) == (PARTIAL, (
+        f'error: {folder}: the folder has gone while it was read; {frames} frames are kept in the .part files'))
+    assert len((tmp_path / 'out' / 'frames.csv.part').read_text().splitlines()) == frames + 1
+    with BagReader(tmp_path / 'out' / 'detections.mcap.part') as reader:
+        assert len([*reader.messages(['/detections'])]) == frames
+
+
+def test_a_bag_on_a_drive_that_goes_in_mid_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """As the kernel says it of a medium that was taken out."""
+    bag, read = write_flight(tmp_path / 'a.mcap'), BagReader.messages
+
+    def going(self: BagReader, topics: list[str] | None = None) -> Iterator[RawMessage]:
+        for index, message in enumerate(read(self, topics)):
+            if index == 6:
+                raise OSError(5, os.strerror(5))
+            yield message
+
+    monkeypatch.setattr(BagReader, 'messages', going)
+    outcome = run_job(Job(str(bag), tmp_path / 'out', PipelineConfig()))
+    assert (outcome.exit_code, outcome.line) == (PARTIAL, (
+        f'error: {bag}: cannot be read any more: Input/output error; 6 frames are kept in the .part files'))
+
+
+def test_a_bag_that_is_deleted_in_mid_run_is_read_to_its_end(tmp_path: Path):
+    bag = write_flight(tmp_path / 'a.mcap')
+    job = Job(str(bag), tmp_path / 'out', PipelineConfig())
+    outcome = run_job(job, lambda done, total: bag.unlink(missing_ok=True))
+    assert outcome.exit_code == 0
+    assert json.loads((tmp_path / 'out' / 'summary.json').read_text())['frames'] == 20
+
+
+def test_a_defect_in_one_input_does_not_stop_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+):
+    from motion_detect_ros.core.pipeline import MotionPipeline
+    bags = [str(write_flight(tmp_path / f'{name}.mcap', frames=3)) for name in 'ab']
+    begin = MotionPipeline.__init__
+
+    def failing(self: MotionPipeline, *words: object) -> None:
+        monkeypatch.setattr(MotionPipeline, '__init__', begin)
+        raise ZeroDivisionError('by nothing')
+
+    monkeypatch.setattr(MotionPipeline, '__init__', failing)
+    assert main(['replay', *bags, '-o', str(tmp_path / 'out')]) == 3
+    captured = capsys.readouterr()
+    assert f'failed: {bags[0]}: ZeroDivisionError: by nothing' in captured.out
+    assert 'Traceback' in captured.err
+    assert (tmp_path / 'out' / 'b' / 'detections.csv').is_file()

@@ -1,0 +1,187 @@
+"""A second run does what the first did not finish, and nothing else's results are touched."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from batch_flights import PATIENCE_S, trap
+
+from motion_detect_ros.__main__ import main
+from motion_detect_ros.report import embedding
+from motion_detect_ros.results.files import OUTPUT_NAMES
+from motion_detect_ros.sources.bags import BagReader, BagWriter
+
+
+def write_bag(path: Path, frames: int = 4, topic: str = '/image_raw') -> Path:
+    texture = np.random.default_rng(0).integers(0, 256, (96, 128), np.uint8)
+    with BagWriter(path) as writer:
+        for index in range(frames):
+            writer.write_image(np.roll(texture, index, axis=1), index * 10**8, topic)
+    return path
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def said(capsys: pytest.CaptureFixture[str]) -> str:
+    captured = capsys.readouterr()
+    return captured.out + captured.err
+
+
+def test_what_is_finished_is_left_alone_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    words = ['replay', str(write_bag(tmp_path / 'a.mcap')), '-o', str(tmp_path / 'out')]
+    assert main(words) == 0
+    before, first = contents(tmp_path / 'out'), said(capsys)
+    assert main(words) == 0
+    assert contents(tmp_path / 'out') == before, 'times.csv too, which no two runs have in common'
+    assert said(capsys) == f'{first.strip()} (finished earlier)\n'
+    assert main([*words, '--force']) == 0
+    assert contents(tmp_path / 'out')['times.csv'] != before['times.csv']
+    assert contents(tmp_path / 'out')['detections.mcap'] == before['detections.mcap']
+
+
+def test_a_report_that_is_missing_is_made_of_what_is_finished(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    for library in embedding.NEEDED:
+        pytest.importorskip(library, reason=f'{library} is not installed (extra "report")')
+    words = ['replay', str(write_bag(tmp_path / 'a.mcap')), '-o', str(tmp_path / 'out')]
+    assert main([*words, '--no-report']) == 0
+    before = contents(tmp_path / 'out')
+    said(capsys)
+    assert main([*words, '--no-report']) == 0
+    assert contents(tmp_path / 'out') == before
+    first = said(capsys)
+    assert main(words) == 0
+    after = contents(tmp_path / 'out')
+    assert after.pop('report.html').startswith(b'<!')
+    assert (after, said(capsys)) == (before, f'{first.strip()}; report.html made now\n')
+    assert main(words) == 0
+    assert said(capsys) == first, 'once'
+
+
+def test_an_input_that_came_later_is_done(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    write_bag(tmp_path / 'bags' / 'a.mcap')
+    words = ['replay', str(tmp_path / 'bags'), '-o', str(tmp_path / 'out')]
+    assert main(words) == 0
+    write_bag(tmp_path / 'bags' / 'b.mcap')
+    said(capsys)
+    assert main(words) == 0
+    assert '2 inputs: 1 done, 1 finished earlier\n' in said(capsys)
+    assert sorted(path.name for path in (tmp_path / 'out').iterdir()) == ['a', 'b', 'replay.json']
+
+
+def test_a_replay_that_was_killed_is_done_anew(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    bag, out = write_bag(tmp_path / 'a.mcap', 40), tmp_path / 'out'
+    words = ['replay', str(bag), '-o', str(out), '--no-report']
+    dead = subprocess.run([sys.executable, '-m', 'motion_detect_ros', *words], capture_output=True, check=False,
+                          timeout=PATIENCE_S, env=trap(tmp_path, out / 'frames.csv.part', 1))
+    assert dead.returncode == -signal.SIGKILL
+    assert json.loads((out / 'summary.json').read_text())['complete'] is False
+    assert main(words) == 0
+    assert said(capsys).startswith(f'{out}: incomplete, done anew\n{out}: 40 frames')
+    assert sorted(contents(out)) == sorted(OUTPUT_NAMES)
+
+
+def test_an_interrupted_replay_of_many_closes_its_files_and_goes_on_later(tmp_path: Path):
+    """SIGINT to the whole group, as a terminal sends it."""
+    for name in 'abc':
+        write_bag(tmp_path / 'bags' / f'{name}.mcap', 4 if name == 'a' else 4000)
+    out = tmp_path / 'out'
+    words = ['replay', str(tmp_path / 'bags'), '-o', str(out), '--workers', '2', '--no-report']
+    running = subprocess.Popen([sys.executable, '-m', 'motion_detect_ros', *words], stdout=subprocess.PIPE,
+                               stderr=subprocess.PIPE, text=True, start_new_session=True)
+    part, deadline = out / 'c' / 'detections.mcap.part', time.monotonic() + PATIENCE_S
+    while not part.exists() or part.stat().st_size < 3000:
+        assert time.monotonic() < deadline and running.poll() is None
+        time.sleep(0.01)
+    os.killpg(running.pid, signal.SIGINT)
+    stdout, stderr = running.communicate(timeout=PATIENCE_S)
+    assert running.returncode == 3
+    assert stderr == 'interrupted; what was written so far is kept in the .part files\n'
+    assert stdout.startswith(f'{out}/a: 4 frames')
+    for name in 'bc':
+        summary = json.loads((out / name / 'summary.json').read_text())
+        assert not summary['complete'] and summary['frames'] < 4000
+        with BagReader(out / name / 'detections.mcap.part') as reader:
+            written = len([*reader.messages(['/detections'])])
+            assert written - summary['frames'] in (0, 1), 'one may have been written, not yet counted'
+            assert reader.damaged is None, 'closed as it should be'
+    for name in 'bc':
+        write_bag(tmp_path / 'bags' / f'{name}.mcap')
+    assert main(['replay', str(tmp_path / 'bags'), '-o', str(out), '--no-report']) == 0
+    states = [entry['state'] for entry in json.loads((out / 'replay.json').read_text())['inputs']]
+    assert states == ['finished earlier', 'done', 'done']
+
+
+@pytest.mark.parametrize(('words', 'difference'), [
+    (['--every', '2'], 'every not given, now 2'),
+    (['--start', '0.1'], 'start_s not given, now 0.1'),
+    (['--duration', '1'], 'duration_s not given, now 1.0'),
+    (['--topic', 'image_raw'], 'topic not given, now image_raw'),
+    (['--fps', '5'], 'fps not given, now 5.0'),
+    (['--preset', 'visdrone'], 'ego_motion.'),
+])
+def test_results_of_other_settings_are_refused(
+    words: list[str], difference: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+):
+    bag, out = write_bag(tmp_path / 'a.mcap'), tmp_path / 'out'
+    assert main(['replay', str(bag), '-o', str(out)]) == 0
+    before = contents(out)
+    capsys.readouterr()
+    assert main(['replay', str(bag), '-o', str(out), *words]) == 2
+    message = capsys.readouterr().err
+    assert message.startswith(f'error: {out}: holds a result of something else (')
+    assert message.endswith('); --force overwrites it\n')
+    assert message.count('\n') == 1
+    assert difference in message or words[0] == '--preset'
+    assert contents(out) == before
+
+
+@pytest.mark.parametrize('finished', [True, False])
+def test_results_of_another_input_or_version_are_refused(
+    finished: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+):
+    bag, other, out = write_bag(tmp_path / 'a.mcap'), write_bag(tmp_path / 'b.mcap'), tmp_path / 'out'
+    assert main(['replay', str(bag), '-o', str(out)]) == 0
+    summary = json.loads((out / 'summary.json').read_text())
+    (out / 'summary.json').write_text(json.dumps({**summary, 'complete': finished}))
+    assert main(['replay', str(other), '-o', str(out)]) == 2
+    assert f'(input {bag}, now {other}); --force' in capsys.readouterr().err
+    (out / 'summary.json').write_text(json.dumps({**summary, 'complete': finished, 'version': '0.0.1'}))
+    assert main(['replay', str(bag), '-o', str(out)]) == 2
+    assert f'(version 0.0.1, now {summary["version"]}); --force' in capsys.readouterr().err
+    assert main(['replay', str(other), '-o', str(out), '--force']) == 0
+
+
+def test_an_unreadable_input_takes_no_earlier_result_with_it(tmp_path: Path):
+    """Even with --force: what is there is worth more than nothing."""
+    bag, out = write_bag(tmp_path / 'a.mcap'), tmp_path / 'out'
+    assert main(['replay', str(bag), '-o', str(out)]) == 0
+    before = contents(out)
+    bag.unlink()
+    assert main(['replay', str(bag), '-o', str(out), '--force']) == 2
+    assert contents(out) == before
+
+
+def test_windows_on_the_command_line(tmp_path: Path):
+    bag, out = write_bag(tmp_path / 'a.mcap', 20), tmp_path / 'out'
+    words = ['replay', str(bag), '-o', str(out), '--start', '0.5', '--duration', '1', '--every', '3']
+    assert main(words) == 0
+    summary = json.loads((out / 'summary.json').read_text())
+    assert (summary['start_s'], summary['duration_s'], summary['every'], summary['frames']) == (0.5, 1.0, 3, 4)
+    rows = (out / 'frames.csv').read_text().splitlines()[1:]
+    assert [row.split(',')[:2] for row in rows] == [[str(n), str(n * 10**8)] for n in (5, 8, 11, 14)]
+
+
+def test_nothing_in_the_window_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    words = ['replay', str(write_bag(tmp_path / 'a.mcap')), '-o', str(tmp_path / 'out'), '--start', '9']
+    assert main(words) == 1
+    assert '0 frames' in said(capsys).partition('; nothing from 9 s')[0]

@@ -1,0 +1,111 @@
+"""tune as a command, on a made flight: a textured square over textured ground, seen by a panning camera."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from test_pipeline import SIDE, box_of, scene
+
+from motion_detect_ros.__main__ import main
+from motion_detect_ros.presets import load_preset
+from motion_detect_ros.tuning.objective import TruthObjective
+from motion_detect_ros.tuning.recording import Recording
+
+FRAMES = 40
+#: A floor under which nothing is seen to move: the square moves 7 px a frame.
+BAD = '/**:\n  ros__parameters:\n    background:\n      noise_floor_px: 5.0\n    objects:\n      min_side_px: 7.0\n'
+
+
+@pytest.fixture(scope='module')
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp('tune')
+    (folder / 'flight').mkdir()
+    rows = []
+    for frame in range(FRAMES):
+        cv2.imwrite(str(folder / 'flight' / f'{frame:06d}.png'), scene(frame))
+        left, top = box_of(frame)
+        rows.append(f'{frame},1,{left},{top},{SIDE},{SIDE},1\n')
+    (folder / 'flight.csv').write_text('frame,id,x,y,w,h,moving\n' + ''.join(rows))
+    (folder / 'bad.yaml').write_text(BAD)
+    return folder
+
+
+def tune(flight: Path, out: Path, *words: str) -> int:
+    pytest.importorskip('optuna', reason="pip install 'motion_detect_ros[tune]'")
+    return main(['tune', str(flight / 'flight'), '-o', str(out), '--preset', str(flight / 'bad.yaml'), *words])
+
+
+def test_a_bad_start_is_improved_on_what_was_held_out(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ('--truth', str(flight / 'flight.csv'), '--settings', 'background.noise_floor_px', '--trials')
+    assert tune(flight, tmp_path, *words, '2') == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith(f'{tmp_path}: gain of +')
+    assert lines[1].startswith('caution: 10 frames are few: under 125 blocks are cut short')
+    report = json.loads((tmp_path / 'tune.json').read_text())
+    assert report['held_out']['start_f1'] == 0.0
+    assert report['held_out']['candidate_f1'] > 0.9
+    assert report['held_out']['interval'][0] > 0
+    tuned = load_preset(tmp_path / 'preset.yaml')
+    assert tuned.background.noise_floor_px == report['candidate']['background.noise_floor_px'] < 1
+    assert tuned.objects.min_side_px == 7.0, 'what was not searched stays'
+    again = TruthObjective('moving', 0.3).measure(Recording(str(flight / 'flight'), flight / 'flight.csv'), tuned)
+    assert again[:, 0].sum() > 0.9 * again[:, 2].sum()
+    page = (tmp_path / 'tune.md').read_text()
+    assert 'Recommended: the tuned settings' in page
+    assert 'every third of 6 blocks of each recording (10 frames)' in page
+    assert tune(flight, tmp_path, *words, '3') == 0
+    assert len(json.loads((tmp_path / 'tune.json').read_text())['trials']) == 3, 'two of before, one more'
+
+
+def test_without_truth_the_flight_backwards_tells(flight: Path, tmp_path: Path) -> None:
+    assert tune(flight, tmp_path, '--settings', 'background.noise_floor_px', '--trials', '1', '--seed', '5') == 0
+    assert 'agreement with the flight backwards' in (tmp_path / 'tune.md').read_text()
+    assert load_preset(tmp_path / 'preset.yaml').background.noise_floor_px < 1
+
+
+def test_where_there_is_nothing_but_luck_the_start_stays(
+    flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:
+    rng = np.random.default_rng(4)
+
+    def luck(*_: object) -> np.ndarray:
+        return np.stack([rng.binomial(10, 0.5, 120), np.zeros(120), np.full(120, 10)], axis=-1).astype(np.int64)
+
+    monkeypatch.setattr(TruthObjective, 'measure', luck)
+    assert tune(flight, tmp_path, '--truth', str(flight / 'flight.csv'), '--trials', '6') == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert 'no gain shown' in lines[0]
+    assert lines[-1].startswith('recommended: the start, unchanged')
+    report = json.loads((tmp_path / 'tune.json').read_text())
+    assert report['searched_gain'] > 0 and not report['gain_shown']
+    assert load_preset(tmp_path / 'preset.yaml') == load_preset(flight / 'bad.yaml')
+    assert load_preset(tmp_path / 'candidate.yaml') != load_preset(flight / 'bad.yaml')
+
+
+@pytest.mark.parametrize(('words', 'complaint'), [
+    (['--trials', '0'], '--trials: expected 1 or more, got 0'),
+    (['--iou', '0'], '--iou: expected a number over 0 up to 1, got 0'),
+    (['--time', '0'], '--time: expected a number over 0, got 0'),
+    (['--settings', 'tracks.nothing'], "unknown setting 'tracks.nothing'; searched by default: background.noise_floor"),
+    (['--truth', 'a.csv', 'b.csv'], '--truth: expected a folder, or a file for each of the 1 clips (flight), got 2'),
+])
+def test_wrong_use(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], complaint: str,
+) -> None:
+    assert main(['tune', str(flight / 'flight'), '-o', str(tmp_path), *words]) == 2
+    assert capsys.readouterr().err.startswith(f'error: {complaint}')
+
+
+def test_without_optuna(
+    flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setitem(sys.modules, 'optuna', None)
+    assert main(['tune', str(flight / 'flight'), '-o', str(tmp_path)]) == 2
+    assert "pip install 'motion_detect_ros[tune]'" in capsys.readouterr().err

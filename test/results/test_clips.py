@@ -1,0 +1,42 @@
+"""Runs side by side: of the same clips, and of the same inputs as far as their summaries say."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import pytest
+from result_samples import summary
+
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.results.clips import clips_of, same_clips
+
+
+def run_of(folder: Path, source: str | None) -> dict[str, Path]:
+    """The clips of a result folder; without a source it has no summary."""
+    folder.mkdir(parents=True)
+    (folder / 'detections.csv').write_text('frame,id,x,y,w,h\n')
+    if source is not None:
+        (folder / 'summary.json').write_text(json.dumps(asdict(summary(input=source))))
+    return clips_of(folder)
+
+
+def test_runs_of_different_inputs_are_refused(tmp_path: Path) -> None:
+    runs = {'a': run_of(tmp_path / 'a', 'flights/one.mcap'), 'b': run_of(tmp_path / 'b', 'flights/two.mcap')}
+    with pytest.raises(SourceError, match=r'b/detections.csv: expected .* same input as in a, one, got two'):
+        same_clips(runs)
+
+
+def test_runs_of_clips_of_the_same_name_and_different_inputs_are_refused(tmp_path: Path) -> None:
+    for run, inputs in (('a', ('one.mcap', 'two.mcap')), ('b', ('one.mcap', 'three.mcap'))):
+        for clip, source in zip('xy', inputs, strict=True):
+            run_of(tmp_path / run / clip, source)
+    with pytest.raises(SourceError, match=r'b/y/detections.csv: .* as in a, two, got three'):
+        same_clips({run: clips_of(tmp_path / run) for run in 'ab'})
+
+
+@pytest.mark.parametrize('other', ['moved/one.mcap', None])
+def test_an_input_that_was_moved_or_is_not_known_is_taken(tmp_path: Path, other: str | None) -> None:
+    runs = {'a': run_of(tmp_path / 'a', 'flights/one.mcap'), 'b': run_of(tmp_path / 'b', other)}
+    assert same_clips(runs) == {'a': {run: clips[run] for run, clips in runs.items()}}

@@ -1,0 +1,31 @@
+"""Files under construction on a full disk."""
+
+from __future__ import annotations
+
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from motion_detect_ros.results.files import TextFile
+
+
+@contextmanager
+def largest_file(size: int) -> Iterator[None]:
+    """The kernel refuses what goes over it, as it does on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_a_line_that_finds_no_room_is_taken_back(tmp_path: Path):
+    with pytest.raises(OSError, match='too large'), TextFile(tmp_path / 'a.csv', 'head') as file, largest_file(20):
+        for number in range(9):  # five bytes, two lines of seven, and one byte
+            file.add(f'row {number},')
+    assert (tmp_path / 'a.csv.part').read_text() == 'head\nrow 0,\nrow 1,\n'
+    assert not (tmp_path / 'a.csv').exists()

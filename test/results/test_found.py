@@ -1,0 +1,53 @@
+"""detections.csv read back: bad cells are named by file and line; damaged bytes give an answer or one error of ours."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.results.found import read_found, window_frames
+
+HEADER = 'frame,id,x,y,w,h\n'
+
+
+@pytest.mark.parametrize(('row', 'message'), [
+    ('1,1,nan,2,3,4', 'expected a box of finite numbers, got nan, 2, 3, 4'),
+    ('1,1,1,2,3,-inf', 'expected a box of finite numbers, got 1, 2, 3, -inf'),
+    ('1,1,1,2,3', 'float'),
+    ('1,1,' + '9' * 131073 + ',2,3,4', 'field larger than field limit'),
+])
+def test_bad_cells_are_named_by_file_and_line(tmp_path: Path, row: str, message: str) -> None:
+    path = tmp_path / 'found.csv'
+    path.write_text(f'{HEADER}0,1,1,2,3,4\n{row}\n')
+    with pytest.raises(SourceError, match=rf'found\.csv, line 3: .*{message}'):
+        read_found(path)
+
+
+def test_frames_with_a_huge_cell(tmp_path: Path) -> None:
+    (tmp_path / 'summary.json').write_text('{"every": 2}')
+    (tmp_path / 'frames.csv').write_text('frame\n' + '9' * 131073)
+    with pytest.raises(SourceError, match=r'frames\.csv: expected a column frame of numbers, got Error'):
+        window_frames(tmp_path / 'detections.csv')
+
+
+def test_damaged_bytes(tmp_path: Path) -> None:
+    chance, path = random.Random(5), tmp_path / 'found.csv'
+    whole = (HEADER + ''.join(f'{frame},1,10,20,30,40\n' for frame in range(5))).encode()
+    read = 0
+    for _ in range(1000):
+        data = bytearray(whole)
+        for _ in range(chance.randint(1, 4)):
+            place = chance.randrange(len(data))
+            data[place:place + chance.choice((0, 1, 4))] = chance.choice((b'', b'"', b'\n', b',', b'nan', b'1e999',
+                                                                         b'\x00', b'\xff', chance.randbytes(4)))
+        path.write_bytes(data)
+        try:
+            read_found(path)
+            read += 1
+        except SourceError as error:
+            assert str(error).startswith(str(path))
+            assert '\n' not in str(error)
+    assert 0 < read < 1000
