@@ -93,5 +93,5 @@ def test_topic_that_is_not_there_is_one_line(two_cameras: Path, tmp_path: Path, 
     assert main(['replay', str(two_cameras), '--topic', '/left', '--live', '-o', str(tmp_path / 'o')]) == 2
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
-    assert f'/front/image_raw ({FRAMES})' in lines[0]
-    assert f'/rear/image_raw ({FRAMES})' in lines[0]
+    assert f'/front/image_raw (sensor_msgs/msg/Image, {FRAMES})' in lines[0]
+    assert f'/rear/image_raw (sensor_msgs/msg/Image, {FRAMES})' in lines[0]

@@ -11,9 +11,9 @@ from peers import PATIENT
 
 from motion_detect_ros.__main__ import main
 from motion_detect_ros.cli.live import LiveGraph, Playback
-from motion_detect_ros.cli.metrics import MOVING_ONLY, score_boxes
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.presets import load_preset
+from motion_detect_ros.results.metrics import MOVING_ONLY, score_boxes
 from motion_detect_ros.sources.bags import BagFrames
 from motion_detect_ros.sources.truth import read_truth
 

@@ -1,6 +1,6 @@
 """An RTSP server on the loopback device that sends a folder of JPEG pictures as H.264, again and again.
 
-    /usr/bin/python3 rtsp_server.py FOLDER PORT FPS
+    /usr/bin/python3 rtsp_server.py FOLDER PORT FPS [USER:PASSWORD]
 
 For the Python that has the bindings of GStreamer: apt install gir1.2-gst-rtsp-server-1.0 python3-gi
 gstreamer1.0-plugins-good gstreamer1.0-plugins-ugly. Prints ``ready`` once it can be asked.
@@ -19,6 +19,20 @@ PIPELINE = ('( multifilesrc location={folder}/%03d.jpg loop=true caps=image/jpeg
             '! rtph264pay name=pay0 pt=96 )')
 
 
+def protect(server, factory, credentials):
+    """Only who knows ``user:password`` gets the stream."""
+    user, _, password = credentials.partition(':')
+    auth = GstRtspServer.RTSPAuth()
+    token = GstRtspServer.RTSPToken()
+    token.set_string('media.factory.role', 'viewer')
+    auth.add_basic(GstRtspServer.RTSPAuth.make_basic(user, password), token)
+    server.set_auth(auth)
+    permissions = GstRtspServer.RTSPPermissions()
+    permissions.add_permission_for_role('viewer', 'media.factory.access', True)
+    permissions.add_permission_for_role('viewer', 'media.factory.construct', True)
+    factory.set_permissions(permissions)
+
+
 def main():
     folder, port, fps = sys.argv[1:4]
     Gst.init(None)
@@ -28,6 +42,8 @@ def main():
     factory = GstRtspServer.RTSPMediaFactory()
     factory.set_launch(PIPELINE.format(folder=folder, fps=fps))
     factory.set_shared(True)
+    if len(sys.argv) > 4:
+        protect(server, factory, sys.argv[4])
     server.get_mount_points().add_factory('/drone', factory)
     if not server.attach(None):
         sys.exit(f'port {port} cannot be had')

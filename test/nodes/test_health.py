@@ -128,6 +128,7 @@ def test_values_name_what_a_stage_sees(peer, start):
     assert values['status'] == 'OK'
     assert 0 < int(values['inliers']) <= int(values['tracks'])
     assert 1 <= int(values['clusters']) <= 25
+    assert (values['noise_floor_px'], values['initial_neurons'], values['max_neurons']) == ('0.200', '15', '25')
     assert values['last_error'] == ''
     wanted = {'rate_in_hz', 'rate_out_hz', 'dropped', 'latency_p50_ms', 'latency_p95_ms', 'stamp_age_ms', 'total_ms'}
     assert all(np.isfinite(float(values[key])) for key in wanted)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -21,6 +22,7 @@ from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.settings import settings
 
 PAGE = Path(__file__).resolve().parents[2] / 'docs' / 'nodes.md'
+POLICY = PAGE.parents[1] / 'config' / 'motion_detect.policy.xml'
 WRITE = 'run python -m motion_detect_ros.benchmarks.node_reference --write docs/nodes.md'
 
 
@@ -33,6 +35,25 @@ def found() -> dict[str, NodeInterface]:
 def test_page_holds_what_the_running_nodes_offer(found: dict[str, NodeInterface], name: str) -> None:
     _, part = PAGE.read_text(encoding='utf-8').split(f'<!-- generated: {name} -->\n')
     assert part.split(f'\n<!-- end: {name} -->')[0].splitlines() == TABLES[name](found), WRITE
+
+
+def test_policy_allows_what_the_running_nodes_do_and_no_more(found: dict[str, NodeInterface], shown) -> None:
+    """Besides: the clock of a simulation, compressed images, and the topic of an optional package."""
+    enclaves = ElementTree.parse(POLICY).findall('./enclaves/enclave')
+    assert [enclave.get('path') for enclave in enclaves] == [f'/motion_detect/{node}' for node in found]
+    for enclave, (node, interface) in zip(enclaves, found.items(), strict=True):
+        (profile,) = enclave.findall('./profiles/profile')
+        assert (profile.get('ns'), profile.get('node')) == ('/', node)
+        allowed = {act: {one.text for group in profile if group.get(act) == 'ALLOW' for one in group}
+                   for act in ('publish', 'subscribe', 'reply')}
+        ends = {publishes: {end.topic for end in interface.endpoints if end.publishes == publishes}
+                for publishes in (True, False)}
+        assert allowed['publish'] - {'detections_2d'} == ends[True] - {'detections_2d'}, node
+        compressed = {'image_raw/compressed'} if 'image_transport' in interface.parameters else set()
+        assert allowed['subscribe'] == ends[False] | {'/clock'} | compressed, node
+        assert allowed['reply'] == set(interface.services), node
+    shown('the policy of SROS 2 in `config/`', 'allows the topics and services of the running nodes, and no more',
+          f'{len(enclaves)} nodes')
 
 
 def test_reader_sees_what_a_user_gives(found: dict[str, NodeInterface]) -> None:

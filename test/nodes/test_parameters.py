@@ -26,7 +26,8 @@ SECTIONS = {
     'ego_motion': {'preprocessing', 'ego_motion', 'imu', 'background', 'load'},
     'optical_flow': {'preprocessing', 'optical_flow', 'load'},
     'art2_clustering': {
-        'preprocessing', 'optical_flow', 'background', 'art2', 'objects', 'trajectories', 'tracks', 'load'},
+        'preprocessing', 'optical_flow', 'background', 'art2', 'objects', 'trajectories', 'tracks', 'load',
+        'self_tuning'},
     'camera': set(), 'overlay': set(),
 }
 
@@ -42,8 +43,9 @@ def test_a_node_declares_what_it_uses_and_warns_of_misspelt_names_only(node, pee
     assert {name.split('.')[0] for name in names if '.' in name and 'qos' not in name} == SECTIONS[node]
     cv2.imwrite(str(tmp_path / '0.png'), picture(0))
     assert peer.call(ChangeState, f'/{node}/change_state', transition=Transition(label='configure')).success
-    warned = re.findall(r'parameter (\S+) is unknown', log.read_text())
-    assert warned == ['art2.vigilanse', 'sorce']
+    warned = dict(re.findall(r'parameter (\S+) is unknown and has no effect(.*)', log.read_text()))
+    used = {'art2.vigilanse': '; did you mean art2.vigilance?'}  # of another node, too: the file is for all of them
+    assert warned == {'sorce': '; did you mean source?' if node == 'camera' else '', **used}
 
 
 def dump(peer: Peer, node: str) -> dict[str, object]:

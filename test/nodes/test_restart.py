@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 import signal
 import socket
@@ -14,6 +15,7 @@ from peers import TIMEOUT_S, image_message, ready, small
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, PointCloud2
 
+from motion_detect_ros.benchmarks import ends
 from motion_detect_ros.bridge.images import header_of
 from motion_detect_ros.bridge.records import read_detections
 from motion_detect_ros.bridge.shared_memory import MIN_AGE_S
@@ -107,3 +109,19 @@ def test_a_node_on_a_clock_that_went_back_and_stands_ends_at_once(peer, start, s
         assert peer.until(lambda: clock.get_subscription_count() == 0)
     shown('SIGTERM after /clock went back and stands', 'ends with code 0 in 2 s',
           f'{ENDS} ends, at most {longest_s:.1f} s')
+
+
+@pytest.mark.timing
+def test_nodes_end_at_once_in_every_state(tmp_path, capsys, shown):
+    """A short run of ``benchmarks.ends``: every state once, and most a second time by the other signal."""
+    assert ends.main(['--times', '12', '-o', str(tmp_path)]) == 0, capsys.readouterr().out
+    with (tmp_path / 'ends.csv').open(encoding='utf-8') as file:
+        ended = list(csv.DictReader(file))
+    assert len(ended) == 12
+
+    def longest(column: str) -> float:
+        return max(float(one[column]) for one in ended)
+
+    shown('SIGINT and SIGTERM in every state of the nodes, frozen and refused streams and black holes included',
+          'end with code 0 in 2 s, of processor time where the machine is busy',
+          f'{len(ended)} ends, at most {longest("seconds"):.1f} s, {longest("cpu_s"):.1f} s of processor time')

@@ -2,80 +2,114 @@
 
 from __future__ import annotations
 
-import socket
-import subprocess
+import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from peers import TIMEOUT_S, picture, small
+from peers import TIMEOUT_S, Peer, picture, small
+from rtsp import FPS, PACKAGES, RtspServer, number_of, numbered, serves
 from sensor_msgs.msg import Image, PointCloud2
 
 from motion_detect_ros.bridge.images import image_from_msg, stamp_ns
 from motion_detect_ros.bridge.records import read_detections
+from motion_detect_ros.sources.live import FIRST_BACK_OFF_S, OPEN_TIMEOUT_MS, TIMEOUT_MS
+from motion_detect_ros.sources.video import open_capture
 
-#: GStreamer's Python bindings belong to the system's Python.
-PYTHON = Path('/usr/bin/python3')
-SERVER = Path(__file__).with_name('rtsp_server.py')
-NEEDS = ('import gi; gi.require_version("Gst", "1.0"); gi.require_version("GstRtspServer", "1.0"); '
-         'from gi.repository import Gst, GstRtspServer; Gst.init(None); '
-         'assert all(Gst.ElementFactory.find(n) for n in ("jpegdec", "x264enc", "rtph264pay"))')
-PACKAGES = 'gir1.2-gst-rtsp-server-1.0 python3-gi gstreamer1.0-plugins-good gstreamer1.0-plugins-ugly'
-FRAMES, FPS = 40, 10
+#: Pictures of a server, more than a test takes; those of the next server begin at NEXT.
+FRAMES, NEXT = 500, 512
+#: Pictures of the block on its way across the ground.
+PLAIN_FRAMES = 40
+#: How long a lost link stays lost, seconds.
+OUTAGE_S = 2.0
+#: In which there is a report of the diagnostics, seconds.
+ONE_REPORT_S = 20.0
+#: From the return of a server to the next picture: what the back-off may have grown to, and as much as the user waits.
+RESUME_S = OUTAGE_S + FIRST_BACK_OFF_S + 1.0
 
 
-def serves() -> bool:
-    """Whether this machine can be an RTSP server."""
-    return PYTHON.exists() and subprocess.run(
-        [PYTHON, '-c', NEEDS], capture_output=True, check=False, timeout=60).returncode == 0
+def write_plain(folder: Path) -> Path:
+    """A folder of pictures of the drifting ground with its block."""
+    folder.mkdir()
+    for index in range(PLAIN_FRAMES):
+        cv2.imwrite(str(folder / f'{index:03d}.jpg'), picture(index), [cv2.IMWRITE_JPEG_QUALITY, 95])
+    return folder
+
+
+def write(folder: Path, first: int, scale: int = 1) -> Path:
+    """A folder of the same with numbers in them."""
+    folder.mkdir()
+    for index in range(FRAMES):
+        cv2.imwrite(str(folder / f'{index:03d}.jpg'), numbered(first + index, scale), [cv2.IMWRITE_JPEG_QUALITY, 95])
+    return folder
+
+
+@pytest.fixture(scope='module')
+def pictures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Folders of pictures by name: without numbers, of one server, of the next, and larger ones."""
+    if not serves():
+        pytest.skip(f'no RTSP server: apt install {PACKAGES}')
+    folder = tmp_path_factory.mktemp('rtsp')
+    return {'plain': write_plain(folder / 'plain'), 'first': write(folder / 'first', 0),
+            'next': write(folder / 'next', NEXT), 'larger': write(folder / 'larger', NEXT, 2)}
 
 
 @pytest.fixture
-def serve(tmp_path: Path) -> Iterator[Callable[[int], subprocess.Popen[str]]]:
-    """``serve(port)`` starts a server of the drifting ground with its block."""
-    if not serves():
-        pytest.skip(f'no RTSP server: apt install {PACKAGES}')
-    folder = tmp_path / 'pictures'
-    folder.mkdir()
-    for index in range(FRAMES):
-        cv2.imwrite(str(folder / f'{index:03d}.jpg'), picture(index), [cv2.IMWRITE_JPEG_QUALITY, 95])
-    running: list[subprocess.Popen[str]] = []
-
-    def begin(port: int) -> subprocess.Popen[str]:
-        process = subprocess.Popen([PYTHON, SERVER, folder, str(port), str(FPS)], stdout=subprocess.PIPE, text=True)
-        running.append(process)
-        assert process.stdout is not None
-        assert process.stdout.readline() == 'ready\n'
-        return process
-
-    yield begin
-    for process in running:
-        process.kill()
-        process.wait(TIMEOUT_S)
+def server(pictures: dict[str, Path]) -> Iterator[RtspServer]:
+    """Of the first pictures; not yet started."""
+    one = RtspServer(pictures['first'])
+    yield one
+    one.close()
 
 
-def free_port() -> int:
-    with socket.socket() as one:
-        one.bind(('127.0.0.1', 0))
-        return int(one.getsockname()[1])
+class Watched:
+    """What a camera node says and sends."""
 
+    def __init__(self, peer: Peer) -> None:
+        self._peer = peer
+        self.images = peer.subscribe(Image, 'image_raw', 1000)
+        self._reports = peer.subscribe(DiagnosticArray, '/diagnostics')
 
-def test_link_is_found_watched_lost_and_found_again(peer, start, serve):
-    port = free_port()
-    server = serve(port)
-    images, answers = peer.subscribe(Image, 'image_raw'), peer.subscribe(PointCloud2, 'detections')
-    reports = peer.subscribe(DiagnosticArray, '/diagnostics')
-
-    def reported(level: bytes, words: str) -> bool:
+    def reported(self, level: bytes, words: str) -> bool:
         return any(status.name == '/camera' and status.level == level and words in status.message
-                   for report in reports for status in report.status)
+                   for report in self._reports for status in report.status)
 
+    def value(self, key: str) -> str:
+        """The latest of a key of the diagnostics; empty before the first."""
+        return next((pair.value for report in reversed(self._reports) for status in report.status
+                     for pair in status.values if status.name == '/camera' and pair.key == key), '')
+
+    def numbers(self) -> list[int]:
+        """Those of all pictures so far that can be read, in the order of arrival."""
+        numbers = [number_of(image_from_msg(message)) for message in self.images]
+        return [number for number in numbers if number is not None]
+
+    def more(self, count: int = FPS, width: int = 0) -> bool:
+        """True once so many more pictures came, of that width if given."""
+        seen = len(self.images)
+        return self._peer.until(
+            lambda: sum(one.width == (width or one.width) for one in self.images[seen:]) >= count)
+
+    def forget(self) -> None:
+        """The reports so far."""
+        self._reports.clear()
+
+
+@pytest.fixture
+def watched(peer: Peer) -> Watched:
+    return Watched(peer)
+
+
+def test_what_moves_on_the_link_is_found(peer, start, server, watched, pictures):
+    server.start(pictures['plain'])
+    answers = peer.subscribe(PointCloud2, 'detections')
     start('pipeline', *small('queue_size:=100'))
     assert peer.until(lambda: peer.node.count_publishers('detections') == 1)
-    start('camera', '-p', f'source:=rtsp://127.0.0.1:{port}/drone')
+    start('camera', '-p', f'source:={server.address}')
 
     def block_found() -> bool:
         """The block of 60 x 50 pixels, wherever it is by now."""
@@ -83,15 +117,117 @@ def test_link_is_found_watched_lost_and_found_again(peer, start, serve):
                    for one in read_detections(message))
 
     assert peer.until(block_found)
-    assert image_from_msg(images[-1]).shape == (240, 320, 3)
-    assert 0 < time.time_ns() - stamp_ns(images[0].header) < TIMEOUT_S * 1e9, 'stamped when it arrived'
-    assert peer.until(lambda: reported(DiagnosticStatus.OK, 'Hz'))
+    assert image_from_msg(watched.images[-1]).shape == (240, 320, 3)
+    assert 0 < time.time_ns() - stamp_ns(watched.images[0].header) < TIMEOUT_S * 1e9, 'stamped when it arrived'
+    assert peer.until(lambda: watched.reported(DiagnosticStatus.OK, 'Hz'))
 
+
+def test_a_killed_server_comes_back_with_larger_pictures(peer, start, server, watched, pictures, shown):
+    server.start()
+    answers = peer.subscribe(PointCloud2, 'detections')
+    start('pipeline', *small('queue_size:=100'))
+    assert peer.until(lambda: peer.node.count_publishers('detections') == 1)
+    start('camera', '-p', f'source:={server.address}')
+    assert watched.more()
     server.kill()
-    server.wait(TIMEOUT_S)
-    assert peer.until(lambda: reported(DiagnosticStatus.ERROR, 'nothing received for'))
-    seen = len(images)
-    serve(port)
-    assert peer.until(lambda: len(images) > seen + FPS)
-    assert peer.until(lambda: any(pair.key == 'reconnects' and int(pair.value) > 0 for report in reports[-3:]
-                                  for status in report.status for pair in status.values))
+    assert peer.until(lambda: watched.reported(DiagnosticStatus.ERROR, 'nothing received for'))
+    assert peer.until(lambda: watched.reported(DiagnosticStatus.ERROR, 'connection refused'))
+    server.start(pictures['larger'])
+    assert watched.more(width=640)
+    assert peer.until(lambda: int(watched.value('reconnects')) > 0)
+    first_ns = min(stamp_ns(message.header) for message in watched.images if message.width == 640)
+    assert peer.until(lambda: sum(stamp_ns(answer.header) >= first_ns for answer in answers) > 5)
+    watched.forget()
+    assert peer.until(lambda: watched.reported(DiagnosticStatus.OK, 'Hz'))
+    numbers = watched.numbers()
+    assert len(numbers) > FPS
+    assert numbers == sorted(set(numbers)), 'a picture came twice, or late'
+    assert stamps_increase(watched)
+    shown('an RTSP camera is killed and comes back with a larger picture',
+          'ERROR with the reason, then new pictures only, and they are answered',
+          f'{len(numbers)} pictures, none twice')
+
+
+def stamps_increase(watched: Watched) -> bool:
+    stamps = [stamp_ns(message.header) for message in watched.images]
+    return stamps == sorted(set(stamps))
+
+
+def test_a_frozen_server_is_left_and_found_again(peer, start, server, watched, shown):
+    server.start()
+    start('camera', '-p', f'source:={server.address}')
+    assert watched.more()
+    server.send(signal.SIGSTOP)
+    assert peer.until(lambda: watched.reported(DiagnosticStatus.ERROR, 'nothing received for'))
+    assert peer.until(lambda: watched.reported(DiagnosticStatus.ERROR, 'no answer'))
+    server.send(signal.SIGCONT)
+    assert watched.more()
+    numbers = watched.numbers()
+    assert len(numbers) > FPS
+    back = sum(later <= earlier for earlier, later in pairwise(numbers))
+    # the server begins anew for each connection
+    assert peer.until(lambda: back <= int(watched.value('reconnects')), ONE_REPORT_S), 'a picture came twice, or late'
+    assert stamps_increase(watched)
+    shown('an RTSP camera answers no more and keeps its connection', 'ERROR with the reason, then new pictures only',
+          f'{len(numbers)} pictures, none twice')
+
+
+def test_a_slow_camera_is_no_lost_one(peer, start, server, watched, shown):
+    server.start(fps=1)
+    start('camera', '-p', f'source:={server.address}')
+    assert watched.more(5)
+    assert peer.until(lambda: watched.reported(DiagnosticStatus.OK, 'Hz'))
+    watched.forget()
+    assert watched.more(5)
+    assert not watched.reported(DiagnosticStatus.ERROR, '')
+    assert watched.value('reconnects') == '0'
+    shown('an RTSP camera sends one picture a second', 'OK, no reconnect', '10 pictures')
+
+
+@pytest.mark.parametrize(('credentials', 'words'), [
+    ('', 'the server asks for user and password (401)'),
+    ('pilot:wrong@', 'the server asks for user and password (401): those given may be wrong'),
+], ids=['none', 'wrong'])
+def test_a_wrong_password_is_named(peer, start, server, tmp_path, credentials, words, shown):
+    server.start(credentials='pilot:secret')
+    address = server.address.replace('//', f'//{credentials}')
+    start('camera', '-p', f'source:={address}', code=2).wait(TIMEOUT_S)
+    shown_address = server.address.replace('//', '//***@' if credentials else '//')
+    assert (tmp_path / 'camera.log').read_text() == f'{shown_address}: cannot be opened as a video: {words}\n'
+    shown('no or a wrong password for an RTSP camera', 'one line that says so, exit code 2', 'named')
+
+
+def test_the_right_password_opens_and_one_that_is_changed_is_named(peer, start, server, watched):
+    server.start(credentials='pilot:secret')
+    start('camera', '-p', f'source:={server.address.replace("//", "//pilot:secret@")}')
+    assert watched.more()
+    server.kill()
+    server.start(credentials='pilot:changed')
+    assert peer.until(lambda: watched.reported(DiagnosticStatus.ERROR, 'the server asks for user and password (401)'))
+
+
+@pytest.mark.timing
+@pytest.mark.parametrize('how', ['killed', 'frozen'])
+def test_pictures_come_again_soon_after_the_server(peer, start, server, watched, pictures, how, shown):
+    server.start()
+    start('camera', '-p', f'source:={server.address}')
+    assert watched.more()
+    began = time.monotonic()
+    assert open_capture(server.address, TIMEOUT_MS, OPEN_TIMEOUT_MS).read()[0]
+    opening_s = time.monotonic() - began
+    if how == 'killed':
+        server.kill()
+    else:
+        server.send(signal.SIGSTOP)
+        assert peer.until(lambda: watched.reported(DiagnosticStatus.ERROR, 'nothing received for'))
+    peer.rest(OUTAGE_S)
+    if how == 'killed':
+        server.start(pictures['next'])
+    else:
+        server.send(signal.SIGCONT)
+    began = time.monotonic()
+    assert watched.more(1)
+    took_s = time.monotonic() - began
+    assert took_s < RESUME_S + opening_s + (TIMEOUT_MS / 1e3 if how == 'frozen' else 0.0)
+    shown('an RTSP camera comes back after 2 s', 'pictures within the back-off and 1 s, besides what the server takes',
+          f'{how}: {took_s:.1f} s, of which the server took {opening_s:.1f} s')
