@@ -13,15 +13,14 @@ from typing import Any, TypeVar
 
 import cv2
 import numpy as np
-from tqdm import tqdm
 
-from motion_detect_ros.cli.demo_table import boxes_of
-from motion_detect_ros.cli.metrics import MOVING_AND_STANDING, MOVING_ONLY, Score, score_boxes
+from motion_detect_ros.cli.progress import track
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.settings import with_settings
 from motion_detect_ros.core.types import DoubleArray, RecordArray, Result
 from motion_detect_ros.presets import load_preset
+from motion_detect_ros.results.metrics import COUNTINGS, Score, boxes_of, score_boxes
 from motion_detect_ros.sources.frames import FrameSource
 from motion_detect_ros.sources.opening import open_source
 from motion_detect_ros.sources.truth import read_truth
@@ -32,8 +31,6 @@ Outcome = TypeVar('Outcome')
 #: Environment variable with the folder of the clips, and the folder where it is not set.
 DATA_VARIABLE, DATA_DEFAULT = 'MOTION_DETECT_DATA', '../shared/data'
 IOUS = (0.3, 0.5)
-#: What is wanted: moving objects only, or every labelled object.
-COUNTINGS: Mapping[str, tuple[int, ...]] = {'moving': MOVING_ONLY, 'all': MOVING_AND_STANDING}
 #: Frames at the start that are not counted; on clips shorter than SHORT_FRAMES only the second number.
 WARM_UP_FRAMES, SHORT_WARM_UP_FRAMES, SHORT_FRAMES = 10, 2, 30
 
@@ -151,8 +148,8 @@ def run_jobs(jobs: Sequence[Job], processes: int) -> Iterator[ClipRun]:
 def in_processes(run: Callable[[Task], Outcome], tasks: Sequence[Task], processes: int) -> Iterator[Outcome]:
     """``run`` of every task, in their order, in ``processes`` processes of one OpenCV thread each."""
     if processes <= 1:
-        yield from tqdm(map(run, tasks), total=len(tasks), unit='run', disable=None)
+        yield from track(map(run, tasks), len(tasks), 'runs')
         return
     context = multiprocessing.get_context('spawn')
     with ProcessPoolExecutor(processes, context, cv2.setNumThreads, (1,)) as pool:
-        yield from tqdm(pool.map(run, tasks), total=len(tasks), unit='run', disable=None)
+        yield from track(pool.map(run, tasks), len(tasks), 'runs')

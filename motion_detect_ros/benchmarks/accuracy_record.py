@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from motion_detect_ros.benchmarks.accuracy_clips import COUNTINGS, ClipRun
+from motion_detect_ros.benchmarks.accuracy_clips import ClipRun
 from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.results.metrics import COUNTINGS
 
 
 @dataclass(frozen=True)

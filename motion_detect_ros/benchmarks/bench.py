@@ -9,13 +9,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from motion_detect_ros.benchmarks import bench_clips, bench_curves, bench_stages
 from motion_detect_ros.benchmarks.bench_plot import draw_curves
 from motion_detect_ros.benchmarks.bench_report import machine, markdown
 from motion_detect_ros.benchmarks.bench_timing import WARM_FRAMES
 from motion_detect_ros.benchmarks.figures import make_figure
+from motion_detect_ros.cli.progress import track
 from motion_detect_ros.core.errors import BackendError, ConfigError
 
 #: Fewer frames than this have no percentiles.
@@ -52,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     figures = {**_earlier(arguments), 'machine': machine(), 'preset': arguments.preset, 'frames': arguments.frames}
     if arguments.soak:
         figures['soak'] = _read(arguments.soak)
-    for part in tqdm(parts, unit='part', disable=None):
+    for part in track(parts, len(parts), 'parts'):
         figures[part] = PARTS[part](arguments)
         _write(arguments, figures)
     print(markdown(figures))
@@ -122,6 +121,7 @@ PARTS: dict[str, Callable[[argparse.Namespace], Any]] = {
     'clips': lambda arguments: bench_clips.clip_costs(arguments.frames),
     'reported': lambda arguments: bench_stages.reported(arguments.frames),
     'floor': lambda arguments: [asdict(row) for row in bench_stages.floors(arguments.preset, arguments.frames)],
+    'one_thread': lambda arguments: bench_stages.one_thread(arguments.frames),
     'background': lambda arguments: [
         asdict(row) for row in bench_stages.backgrounds(arguments.preset, arguments.frames)],
     'curves': _curves,

@@ -38,11 +38,13 @@ class NodeProcesses:
 
     def __enter__(self) -> NodeProcesses:
         for node in self._nodes:
-            command = [sys.executable, '-m', f'motion_detect_ros.nodes.{node}', '--ros-args', *self._arguments]
-            with (self._log / f'{node}.txt').open('wb') as log:
-                self._running[node] = subprocess.Popen(
-                    command, env=self._environment, stdout=log, stderr=subprocess.STDOUT)
+            self._start(node)
         return self
+
+    def _start(self, node: str) -> None:
+        command = [sys.executable, '-m', f'motion_detect_ros.nodes.{node}', '--ros-args', *self._arguments]
+        with (self._log / f'{node}.txt').open('wb') as log:
+            self._running[node] = subprocess.Popen(command, env=self._environment, stdout=log, stderr=subprocess.STDOUT)
 
     def __exit__(self, *_: object) -> None:
         for process in self._running.values():
@@ -63,14 +65,33 @@ class NodeProcesses:
                 printed = (self._log / f'{node}.txt').read_text(encoding='utf-8', errors='replace').strip()
                 raise SourceError(f'{node}: ended with exit code {process.poll()}: {printed}')
 
+    def kill_and_restart(self, node: str) -> None:
+        """As a crash and ``respawn`` of the launch file: SIGKILL, and the same again."""
+        self._running[node].kill()
+        self._running[node].wait()
+        self._start(node)
+
+    def threads(self, node: str) -> int:
+        """Threads of a node."""
+        return len(list(Path(f'/proc/{self._running[node].pid}/task').iterdir()))
+
+    def handles(self, node: str) -> int:
+        """Open file descriptors of a node."""
+        return len(list(Path(f'/proc/{self._running[node].pid}/fd').iterdir()))
+
     def memory_mb(self, node: str) -> float:
         """Resident memory of a node, megabytes. Raises: SourceError where the system does not provide it."""
         return resident_mb(self._running[node].pid)
 
     def cpu_s(self, node: str) -> float:
         """Processor time that a node has used, seconds."""
-        fields = Path(f'/proc/{self._running[node].pid}/stat').read_text(encoding='ascii').rsplit(')', 1)[1].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+        return cpu_s(self._running[node].pid)
+
+
+def cpu_s(pid: int) -> float:
+    """Processor time that a process has used, seconds."""
+    fields = Path(f'/proc/{pid}/stat').read_text(encoding='ascii').rsplit(')', 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
 def resident_mb(pid: int) -> float:

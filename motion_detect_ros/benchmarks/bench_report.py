@@ -22,7 +22,8 @@ Written by `python -m motion_detect_ros bench --markdown docs/performance.md --j
 `make bench` prints the tables only, `--parts stages,floor` takes some of them. Input is the built-in flight. Times of
 one run on a shared machine vary by a quarter and more; where two things are compared they take turns frame by frame,
 and the figure is the median of the ratios. `test/benchmarks/test_bench_guard.py` fails where the ratio of the pipeline
-to the OpenCV floor grows by over a quarter. *goal*: what a companion computer of two cores should reach.
+to the OpenCV floor, processor time over a town with thirty movers, grows by over a quarter. *goal*: what a
+companion computer of two cores should reach.
 '''
 ABOUT = {
     'stages': '''Compute time of every stage, decoded frame to detections; processor: time of all threads together,
@@ -39,6 +40,15 @@ backward, warp, DIS forward and backward. The pipeline saves on corners and trac
 the flow in parallel, so the ratio may come near 1.''',
     'background': '''The same pipeline with a background in three dimensions (`background.model: epipolar`) and a planar
 one.''',
+    'one_thread': '''For reading the figures of this page on another computer: 960x540 of the built-in flight with one
+thread (`load.threads: 1`, OpenCV too), median of each stage, ms, and the OpenCV calls of the section above alone.
+
+Best is to run `python -m motion_detect_ros bench --no-nodes --parts one_thread` there. Without the computer at hand,
+multiply by the ratio of its single-core speed to that of this machine, and expect to be wrong by a third: published
+comparisons use other programs. One that can be repeated anywhere is `sysbench cpu --threads=1 --time=60 run`: SYSBENCH.
+It counts prime numbers by division and neither reads memory nor uses vector instructions, which is most of what a
+detector does, so it flatters small cores. Of further cores a second one helps most: two threads take 0.8 of the time of
+one (section Real clips). No other computer has been measured.''',
     'curves': '''What a frame costs as its content grows. `x^b`: least squares of log time on log x. Objects: small
 cars on 1600x900. Neurons: ART2 alone on 30000 vectors. Cells: `grid_px` 16 to 2 on the built-in flight. Processor: all
 threads together, which other load hardly changes.''',
@@ -100,6 +110,13 @@ def _reported(tables: list[dict[str, Any]]) -> list[str]:
         rows.append((f'{table["name"]}, published', *published))
         rows.append((f'{table["name"]}, ours, {table["size"]}', *(f'{row["p50"]:.1f}' for row in table['ours_ms'])))
     return _table(('', *names), rows)
+
+
+def _one_thread(rows: list[dict[str, Any]]) -> list[str]:
+    names = [row['name'] for row in rows[0]['ours_ms'][:-1]]
+    return _table(('preset', *names, 'OpenCV calls'), (
+        (row['preset'], *(f'{each["p50"]:.1f}' for each in row['ours_ms'][:-1]), f'{row["floor_ms"]:.1f}')
+        for row in rows))
 
 
 def _ratios(of: str, to: str, goal: float) -> Any:
@@ -168,6 +185,7 @@ SECTIONS: dict[str, tuple[str, Any]] = {
     'clips': ('Real clips', _clips),
     'reported': ('The report\'s tables', _reported),
     'floor': ('Against the floor', _ratios('pipeline', 'OpenCV calls', FLOOR_GOAL)),
+    'one_thread': ('Other computers', _one_thread),
     'background': ('Planar and three-dimensional background', _ratios('3-D', 'planar', SPACE_GOAL)),
     'curves': ('How it grows', _curves),
     'codec': ('Codec', _codec),

@@ -6,6 +6,7 @@ import time
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 
 from motion_detect_ros.benchmarks.bench_timing import (
@@ -28,6 +29,7 @@ from motion_detect_ros.sources.synthetic import FlightConfig
 SIZES = ((640, 360), (960, 540), (1280, 720))
 STAGE_NAMES = ('preprocessing', 'ego_motion', 'optical_flow', 'clustering', 'total')
 CODEC_ROUNDS = 100
+ONE_THREAD_PRESETS = ('default', 'visdrone', 'kitti')
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,23 @@ def stages(preset: str, frames: int) -> dict[str, list[Timing]]:
     warm_up(config)
     return {f'{width}x{height}': stage_times(config, flight(FlightConfig(width=width, height=height, frames=frames)))
             for width, height in SIZES}
+
+
+def one_thread(frames: int) -> list[dict[str, Any]]:
+    """Stages of each of ``ONE_THREAD_PRESETS`` and the OpenCV floor, on one thread, 960x540 of the built-in flight."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        pictures, rows = flight(FlightConfig(frames=frames)), []
+        for preset in ONE_THREAD_PRESETS:
+            config = load_preset(preset)
+            warm_up(config)
+            floor_ms = float(np.mean(floor_times(config, pictures)[:, 1]))
+            rows.append({'preset': preset, 'floor_ms': round(floor_ms, 2),
+                         'ours_ms': [asdict(row) for row in stage_times(config, pictures)]})
+        return rows
+    finally:
+        cv2.setNumThreads(threads)
 
 
 def reported(frames: int) -> list[dict[str, Any]]:

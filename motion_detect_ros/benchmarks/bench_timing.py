@@ -24,6 +24,7 @@ WARM_FRAMES = 5
 
 Frames = tuple[tuple[ByteArray, int], ...]
 Step = Callable[[int], object]
+Clock = Callable[[], float]
 
 
 @dataclass(frozen=True)
@@ -66,15 +67,17 @@ def flight(config: FlightConfig) -> Frames:
     return tuple((frame.image, frame.stamp_ns) for frame in SyntheticFlight(config))
 
 
-def elapsed_ms(action: Callable[[], object]) -> float:
+def elapsed_ms(action: Callable[[], object], clock: Clock = time.perf_counter) -> float:
     """How long one call takes."""
-    start = time.perf_counter()
+    start = clock()
     action()
-    return 1e3 * (time.perf_counter() - start)
+    return 1e3 * (clock() - start)
 
 
-def interleaved(steps: Sequence[Step], frames: int, warm_frames: int = WARM_FRAMES) -> DoubleArray:
-    """(frames - warm_frames, len(steps)) milliseconds of ``step(index)``.
+def interleaved(
+    steps: Sequence[Step], frames: int, warm_frames: int = WARM_FRAMES, clock: Clock = time.perf_counter,
+) -> DoubleArray:
+    """(frames - warm_frames, len(steps)) milliseconds of ``step(index)`` by ``clock``, seconds.
 
     Every step has its turn at every frame, and the order turns round from frame to frame, so that whatever else the
     machine does falls on all of them alike.
@@ -83,7 +86,7 @@ def interleaved(steps: Sequence[Step], frames: int, warm_frames: int = WARM_FRAM
     for index in range(frames):
         for turn in range(len(steps)):
             which = (turn + index) % len(steps)
-            times[index, which] = elapsed_ms(partial(steps[which], index))
+            times[index, which] = elapsed_ms(partial(steps[which], index), clock)
     return times[warm_frames:]
 
 
@@ -129,12 +132,12 @@ class OpenCvFloor:
         cv2.calcOpticalFlowPyrLK(current, previous, moved, None, **options)
 
 
-def floor_times(config: PipelineConfig, frames: Frames) -> DoubleArray:
+def floor_times(config: PipelineConfig, frames: Frames, clock: Clock = time.perf_counter) -> DoubleArray:
     """(N, 2) milliseconds of the whole pipeline and of ``OpenCvFloor``, frame by frame in turn."""
     scout = MotionPipeline(config)
     matrices = [scout.process(image, stamp_ns).ego.matrix for image, stamp_ns in frames]
     floor = OpenCvFloor(config, frames, matrices)
-    return interleaved([_stepper(config, frames), floor.step], len(frames))
+    return interleaved([_stepper(config, frames), floor.step], len(frames), clock=clock)
 
 
 def background_times(config: PipelineConfig, frames: Frames) -> DoubleArray:

@@ -21,13 +21,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from tqdm import tqdm
 
 from motion_detect_ros.benchmarks.accuracy import read_changes
 from motion_detect_ros.benchmarks.figures import make_figure, save
 from motion_detect_ros.benchmarks.generated import replace_section
 from motion_detect_ros.benchmarks.heat_map import HeatMap, heat_figure
 from motion_detect_ros.benchmarks.limits_flights import Cell, Found, fly
+from motion_detect_ros.cli.progress import track
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.core.settings import with_settings
@@ -128,7 +128,7 @@ def measure(config: PipelineConfig, sizes: Sequence[float], seeds: int, processe
     ordered = sorted(set(cells), key=lambda cell: cell.seed)
     context = multiprocessing.get_context('spawn')
     with ProcessPoolExecutor(processes, context, cv2.setNumThreads, (1,)) as pool:
-        flown = tqdm(pool.map(partial(fly, config=config), ordered), total=len(ordered), unit='flight', disable=None)
+        flown = track(pool.map(partial(fly, config=config), ordered), len(ordered), 'flights')
         found: Mapping[Cell, Found] = dict(zip(ordered, flown, strict=True))
     return [shares(grid, sizes, seeds, [found[cell] for cell in grid.cells(sizes, seeds)]) for grid in GRIDS]
 

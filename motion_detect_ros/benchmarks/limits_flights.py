@@ -11,14 +11,12 @@ import math
 from collections import Counter
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from motion_detect_ros.cli.demo_table import boxes_of
-from motion_detect_ros.cli.metrics import judge_frame
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.core.pipeline import MotionPipeline
+from motion_detect_ros.results.metrics import boxes_of, judge_frame
 from motion_detect_ros.sources.synthetic import FlightConfig, ObjectSpec, SyntheticFlight
 from motion_detect_ros.sources.synthetic.config import SINGLE_HEIGHT_M
 
@@ -115,12 +113,3 @@ def fly(cell: Cell, config: PipelineConfig) -> Found:
         found = Found(found.wanted + int(counts.sum()), found.hits + int((verdict.found & counts).sum()),
                       found.false + false)
     return found
-
-
-def draw_flight(cell: Cell) -> np.ndarray:
-    """The middle picture of a flight with its true boxes, (H, W, 3) uint8 BGR: to see the appearance of a cell."""
-    frame = SyntheticFlight(make_flight(cell)).frame(cell.frames()[FRAMES // 2])
-    for record in frame.truth:
-        corner = int(record['x']), int(record['y'])
-        cv2.rectangle(frame.image, corner, (corner[0] + int(record['w']), corner[1] + int(record['h'])), (0, 0, 255))
-    return frame.image

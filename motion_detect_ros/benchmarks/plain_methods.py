@@ -23,15 +23,15 @@ import cv2
 import numpy as np
 
 from motion_detect_ros.benchmarks.accuracy import add_run_arguments
-from motion_detect_ros.benchmarks.accuracy_clips import COUNTINGS, IOUS, Clip, Job, in_processes, read_clips, run_clip
+from motion_detect_ros.benchmarks.accuracy_clips import IOUS, Clip, Job, in_processes, read_clips, run_clip
 from motion_detect_ros.benchmarks.clusterers import Clusterer, Labels, Parameters, sklearn_cluster
 from motion_detect_ros.benchmarks.generated import show
-from motion_detect_ros.cli.metrics import score_boxes
 from motion_detect_ros.core.config import PreprocessingConfig
 from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.types import ByteArray, DoubleArray, FloatArray
 from motion_detect_ros.presets import load_preset
+from motion_detect_ros.results.metrics import COUNTINGS, score_boxes
 from motion_detect_ros.sources.frames import SourceFrame
 
 #: F1 at each of ``IOUS``.

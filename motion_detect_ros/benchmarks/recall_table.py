@@ -26,12 +26,12 @@ from motion_detect_ros.benchmarks.accuracy import add_run_arguments, read_change
 from motion_detect_ros.benchmarks.accuracy_clips import ClipRun, Job, complete_clips, in_processes, results
 from motion_detect_ros.benchmarks.accuracy_pictures import verdicts
 from motion_detect_ros.benchmarks.generated import show
-from motion_detect_ros.cli.metrics import boxes_of_truth
 from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.core.geometry.bearings import PIXEL_CENTRE
 from motion_detect_ros.core.geometry.motion_chain import MotionChain
 from motion_detect_ros.core.geometry.warp import apply
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray, RecordArray
+from motion_detect_ros.results.metrics import boxes_of_truth
 
 Counts = npt.NDArray[np.int64]
 #: Earlier frame -> (3, 3) pixel of that frame -> pixel of this one; latest first.

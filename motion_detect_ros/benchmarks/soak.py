@@ -2,8 +2,12 @@
 
     python -m motion_detect_ros.benchmarks.soak --minutes 30 -o out/soak
 
-Writes ``samples.csv`` as it goes and ``summary.json`` at the end, or when it is interrupted.
-Exit codes: 0 steady, 1 memory grows or pictures get lost, 2 wrong use or a node that ends.
+    python -m motion_detect_ros.benchmarks.soak --minutes 30 --rate 5 --faults "four nodes" -o out/soak
+
+Writes ``samples.csv`` as it goes and ``summary.json`` at the end, or when it is interrupted. With ``--faults``, for 3
+minutes at least, a graph is fed real pictures where ``MOTION_DETECT_DATA`` holds some, and disturbed all the time
+(``soak_faults``): writes ``processes.csv`` and ``summary.json`` likewise. Exit codes: 0 steady, 1 memory grows or
+pictures get lost, 2 wrong use or a node that ends.
 """
 
 from __future__ import annotations
@@ -12,6 +16,7 @@ import argparse
 import csv
 import json
 import math
+import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -20,9 +25,10 @@ from pathlib import Path
 
 import numpy as np
 
+from motion_detect_ros.benchmarks import soak_faults
 from motion_detect_ros.benchmarks.bench_nodes import NodeProcesses
 from motion_detect_ros.benchmarks.bench_timing import Timing
-from motion_detect_ros.benchmarks.bench_transport import RATE_HZ, await_nodes, parameters, pictures
+from motion_detect_ros.benchmarks.bench_transport import GRAPHS, RATE_HZ, await_nodes, parameters, pictures
 from motion_detect_ros.benchmarks.feeder import Feeder
 from motion_detect_ros.cli.live import own_domain
 from motion_detect_ros.core.errors import ConfigError, MotionDetectError
@@ -127,7 +133,7 @@ def soak(minutes: float, preset: str, rate_hz: float, folder: Path, period_s: fl
                 print(_line(samples[-1]), flush=True)
     finally:
         summary = summarize(samples, rate_hz)
-        (folder / 'summary.json').write_text(json.dumps(asdict(summary), indent=1) + '\n', encoding='utf-8')
+        (folder / soak_faults.SUMMARY_NAME).write_text(json.dumps(asdict(summary), indent=1) + '\n', encoding='utf-8')
     return summary
 
 
@@ -163,23 +169,36 @@ def _line(sample: Sample) -> str:
             f'latency {sample.latency_p50_ms:.1f} / {sample.latency_p95_ms:.1f} / {sample.latency_max_ms:.1f} ms')
 
 
+def _disturbed(given: argparse.Namespace) -> int:
+    verdict = soak_faults.run(given.minutes, given.faults, given.preset, given.rate, given.output)
+    print((given.output / soak_faults.SUMMARY_NAME).read_text(encoding='utf-8'), end='')
+    return 0 if verdict.steady else 1
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line."""
     parser = argparse.ArgumentParser(prog='soak', description=__doc__.partition('\n')[0])
     parser.add_argument('--minutes', type=float, default=30.0, help='how long')
     parser.add_argument('--rate', type=float, default=RATE_HZ, help='pictures a second, 960x540')
     parser.add_argument('--preset', default='default', help='settings: default, visdrone, kitti, report or a YAML file')
+    parser.add_argument('--faults', choices=GRAPHS, help='disturb this graph all the time')
     parser.add_argument('-o', '--output', type=Path, default=Path('out/soak'), help='folder of the files')
     given = parser.parse_args(arguments)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # the nodes end with this process
     try:
         if not given.minutes > 0.0 or not given.rate > 0.0:
             raise ConfigError(f'--minutes, --rate: expected over 0, got {given.minutes:g}, {given.rate:g}')
+        (given.output / soak_faults.SUMMARY_NAME).unlink(missing_ok=True)  # of another run
+        if given.faults:
+            return _disturbed(given)
         summary = soak(given.minutes, given.preset, given.rate, given.output)
     except MotionDetectError as error:
         print(f'error: {error}', file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print(f'interrupted; {given.output}/summary.json holds what was seen', file=sys.stderr)
+        seen = given.output / soak_faults.SUMMARY_NAME
+        print(f'interrupted; {f"{seen} holds what was seen" if seen.is_file() else "nothing was seen yet"}',
+              file=sys.stderr)
         return 1
     print(json.dumps(asdict(summary), indent=1))
     return 0 if summary.steady else 1

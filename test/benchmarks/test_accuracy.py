@@ -13,20 +13,11 @@ import pytest
 from motion_detect_ros.benchmarks import accuracy
 from motion_detect_ros.benchmarks.accuracy_clips import Clip, ClipRun, Job, read_clips, run_clip, run_jobs
 from motion_detect_ros.benchmarks.accuracy_floors import Floor, read_floors, renewed
-from motion_detect_ros.benchmarks.accuracy_pictures import (
-    FALSE_BGR,
-    FOUND_BGR,
-    HIT_BGR,
-    IGNORED_BGR,
-    MISSED_BGR,
-    draw_verdict,
-    worst_frames,
-)
 from motion_detect_ros.benchmarks.accuracy_record import ClipFigures, Figures, Record, append_record, read_records
 from motion_detect_ros.benchmarks.accuracy_table import table
-from motion_detect_ros.cli.metrics import judge_frame
 from motion_detect_ros.core.errors import SourceError
-from motion_detect_ros.core.types import TRUTH_DTYPE, empty_detections
+from motion_detect_ros.core.types import empty_detections
+from motion_detect_ros.results.error_pictures import FALSE_BGR
 from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
 from motion_detect_ros.sources.truth import read_truth, write_truth
 
@@ -231,27 +222,6 @@ class TestTable:
 def test_record_needs_its_folder(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match='the run cannot be recorded: No such file'):
         append_record(tmp_path / 'nowhere' / 'runs.json', TestTable.record(a_1=0.5))
-
-
-class TestPictures:
-    def test_worst_frames_are_apart_and_have_errors(self) -> None:
-        errors = {0: 1, 1: 9, 2: 8, 3: 0, 4: 5, 5: 5}
-        assert worst_frames(errors, 2, 2) == [1, 4]
-        assert worst_frames(errors, 9, 1) == [0, 1, 2, 4, 5]
-        assert worst_frames({}, 3, 1) == []
-
-    def test_every_box_has_the_colour_of_its_fate(self) -> None:
-        truth = np.array([(0, 1, 10, 10, 20, 20, 1), (0, 2, 50, 10, 20, 20, 1), (0, 3, 90, 60, 40, 40, -1)],
-                         TRUTH_DTYPE)
-        boxes = np.array([[12, 12, 20, 20], [10, 60, 20, 20], [95, 65, 20, 20]], np.float64)
-        verdict = judge_frame(truth, boxes, 0.3)
-        assert (verdict.hit.tolist(), verdict.ignored.tolist()) == ([True, False, False], [False, False, True])
-        assert verdict.found.tolist() == [True, False]
-        assert verdict.errors == 2
-        canvas = draw_verdict(np.zeros((300, 200, 3), np.uint8), boxes, verdict)
-        for (x, y), color in (((10, 25), FOUND_BGR), ((32, 32), HIT_BGR), ((50, 25), MISSED_BGR),
-                              ((10, 70), FALSE_BGR), ((95, 75), IGNORED_BGR)):
-            assert tuple(map(int, canvas[y, x])) == color
 
 
 def test_made_truth_is_read_back(made: Path) -> None:

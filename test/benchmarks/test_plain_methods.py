@@ -12,8 +12,8 @@ import pytest
 
 from motion_detect_ros.benchmarks import plain_methods
 from motion_detect_ros.benchmarks.plain_methods import DIFFERENCE, METHODS, RESIDUALS, ClipScores, find_boxes, table
-from motion_detect_ros.cli.metrics import overlaps
 from motion_detect_ros.core.types import TRUTH_DTYPE
+from motion_detect_ros.results.metrics import overlaps
 from motion_detect_ros.sources.frames import SourceFrame
 from motion_detect_ros.sources.truth import write_truth
 
