@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 EXTRAS := .venv-extras
 JAZZY := .venv-jazzy
+AUDIT := .venv-audit
 # A python3.12 that really runs: a shim of pyenv does not where another version is selected, so its versions are tried too.
 PYTHON_JAZZY ?= $(shell for python in python3.12 "$$(pyenv root 2>/dev/null)"/versions/3.12.*/bin/python3.12; do \
   "$$python" -c 'import ensurepip, venv' 2>/dev/null && { echo "$$python"; break; }; done)
@@ -14,7 +15,7 @@ export AMENT_PREFIX_PATH := $(VIRTUAL_ENV)
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 export ROS_HOME ?= $(CURDIR)/$(VENV)/ros_home
 
-.PHONY: setup demo test test-timing test-extras test-jazzy check-aarch64 reliability lint bench clean
+.PHONY: setup demo test test-timing test-extras test-jazzy check-aarch64 reliability lint bench audit sbom clean
 
 setup: $(STAMP)
 
@@ -50,19 +51,19 @@ lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-# The tests of optional flow methods, TrackEval, scikit-learn and matplotlib, in an environment of their own: contrib
-# replaces the OpenCV of .venv.
+# The tests of optional flow methods, TrackEval, motmetrics, scikit-learn and matplotlib, in an environment of their own:
+# contrib replaces the OpenCV of .venv.
 test-extras: $(EXTRAS)/.ready
 	$(EXTRAS)/bin/python -m pytest -p no:cacheprovider test/core/optical_flow/test_optical_flow.py \
-	  test/core/flow_methods/test_onnx_flow.py test/benchmarks/test_tracking.py \
+	  test/core/flow_methods/test_onnx_flow.py test/results/test_identity.py test/cli/test_evaluate.py \
 	  test/benchmarks/test_ablation.py test/benchmarks/test_figures.py test/benchmarks/test_plain_methods.py \
-	  test/test_art2_clusterer.py
+	  test/results/test_detection_text.py test/test_art2_clusterer.py
 
 $(EXTRAS)/.ready: setup.py
 	$(PYTHON) -m venv $(EXTRAS)
 	$(EXTRAS)/bin/pip install --quiet --disable-pip-version-check \
-	  apsw mcap numba rosbags scipy PyYAML tqdm opencv-contrib-python-headless onnxruntime onnx 'scikit-learn>=1.6' matplotlib \
-	  hypothesis pytest pytest-timeout
+	  apsw mcap numba rosbags scipy PyYAML rich opencv-contrib-python-headless onnxruntime onnx 'scikit-learn>=1.6' matplotlib \
+	  hypothesis motmetrics pytest pytest-timeout
 	$(EXTRAS)/bin/pip install --quiet --disable-pip-version-check --no-deps trackeval
 	@touch $@
 
@@ -73,7 +74,7 @@ test-jazzy: export AMENT_PREFIX_PATH := $(CURDIR)/$(JAZZY)
 test-jazzy: export ROS_HOME := $(CURDIR)/$(JAZZY)/ros_home
 test-jazzy: export PYTHONPATH := $(CURDIR)
 test-jazzy: $(JAZZY)/.ready
-	$(JAZZY)/bin/python -m pytest -p no:cacheprovider -m "not timing" test/core test/sources test/bridge test/cli test/nodes test/faults test/examples
+	$(JAZZY)/bin/python -m pytest -p no:cacheprovider -m "not timing" test/core test/sources test/results test/report test/tuning test/bridge test/cli test/nodes test/faults test/examples
 
 $(JAZZY)/.ready: requirements-jazzy.lock
 	@test "$$($(or $(PYTHON_JAZZY),false) --version 2>/dev/null | cut -d. -f1,2)" = 'Python 3.12' || \
@@ -90,8 +91,24 @@ check-aarch64: $(STAMP)
 	    --platform manylinux2014_aarch64 --platform manylinux_2_28_aarch64 --python-version 3.12 \
 	    -r "$$folder/required.txt" -c requirements.lock && cd "$$folder" && ls -- *.whl
 
+# Known weaknesses of the locked versions, as PyPI tells them, and the licences. What PyPI could not be asked about fails too.
+audit: $(STAMP) $(AUDIT)/.ready
+	$(BIN)/python -m motion_detect_ros.benchmarks.dependencies --write docs/dependencies.md > /dev/null
+	$(AUDIT)/bin/pip-audit --strict --no-deps --disable-pip --progress-spinner off -r requirements.lock || \
+	  { echo "audit: weaknesses were found, or PyPI could not be asked (see above); the licences are fine" >&2; exit 1; }
+
+# A bill of materials of .venv, checked against the schema of CycloneDX.
+sbom: $(STAMP) $(AUDIT)/.ready
+	@mkdir -p out
+	$(AUDIT)/bin/cyclonedx-py environment --validate --output-reproducible --sv 1.6 --of JSON -o out/sbom.json $(BIN)/python
+
+$(AUDIT)/.ready:
+	$(PYTHON) -m venv $(AUDIT)
+	$(AUDIT)/bin/pip install --quiet --disable-pip-version-check pip-audit cyclonedx-bom
+	@touch $@
+
 bench: $(STAMP)
 	$(BIN)/python -m motion_detect_ros bench
 
 clean:
-	rm -rf $(VENV) $(EXTRAS) $(JAZZY) build install log out *.egg-info
+	rm -rf $(VENV) $(EXTRAS) $(JAZZY) $(AUDIT) build install log out *.egg-info

@@ -28,7 +28,9 @@ _COMMANDS = {
     'demo': ('cli.demo', 'the main job on a built-in flight, over real nodes'),
     'convert': ('cli.convert', 'data set, image folder or video to a bag (MCAP)'),
     'replay': ('cli.replay', 'recordings through the detector, offline'),
+    'report': ('cli.report', 'a page to look at, of what a replay left behind'),
     'evaluate': ('cli.evaluate', 'detections against ground truth'),
+    'tune': ('cli.tune', 'settings for recordings of one kind, judged on what was held out'),
     'inspect': ('cli.inspect', 'what a bag holds and what of it is damaged'),
     'selftest': ('cli.selftest', 'whether this machine and installation will do: transport, clock, kernels, a flight'),
     'bench': ('benchmarks.bench', 'time per stage, and from image to detections'),
@@ -79,7 +81,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
-    """SIGTERM ends a command as Ctrl-C does, so that its outputs are closed properly."""
+    """SIGTERM ends a command as Ctrl-C does, so that its outputs are closed properly; a second one changes nothing."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     raise KeyboardInterrupt
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import yaml
 
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError
-from motion_detect_ros.core.settings import with_settings
+from motion_detect_ros.core.settings import settings, with_settings
 
 PACKAGE = 'motion_detect_ros'
 #: Parameters of the nodes that are no settings of the perception core; a preset may hold them, offline skips them.
@@ -85,6 +85,25 @@ def read_parameters(path: Path) -> dict[str, Any]:
             raise ConfigError(f'expected "ros__parameters:" under {node!r}, got {", ".join(map(str, body))}')
         merged.update(_flat(body['ros__parameters'] or {}))
     return merged
+
+
+def write_preset(path: Path, config: PipelineConfig, notes: Sequence[str] = ()) -> None:
+    """Write the settings that differ from the defaults as a parameter file; notes: comment lines at its top.
+
+    Raises: ConfigError where the file cannot be written.
+    """
+    groups: dict[str, dict[str, Any]] = {}
+    defaults = {name: value for name, value, _ in settings(PipelineConfig())}
+    for name, value, _ in settings(config):
+        if value != defaults[name]:
+            group, _, leaf = name.partition('.')
+            groups.setdefault(group, {})[leaf] = value
+    text = ''.join(f'# {note}\n' for note in notes) + yaml.safe_dump(
+        {'/**': {'ros__parameters': groups}}, sort_keys=False, allow_unicode=True)
+    try:
+        path.write_text(text, encoding='utf-8')
+    except OSError as error:
+        raise ConfigError(f'{path}: the preset cannot be written: {error.strerror}') from None
 
 
 def preset_path(name: str) -> Path:

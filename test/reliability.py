@@ -13,8 +13,8 @@ Row = tuple[str, str, str, str]
 
 HEAD = """# Reliability
 
-What was done to the nodes and commands from outside, what they have to do then, and what they did in the test run that
-wrote this page (`make reliability`): real processes over DDS, real files. A row is there only where its test passed.
+What was done to the nodes and commands from outside, what they have to do then, and what they did in the last test run
+(`make reliability`): real processes over DDS, real files. A row is there only where its test passed.
 """
 TABLE = '| fault | criterion | figure | test |\n|---|---|---|---|\n'
 #: What stands below the table is written by hand and stays.

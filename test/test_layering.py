@@ -2,6 +2,8 @@
 
     core <- sources <- bridge <- nodes
       ^--------^----------^----- cli <- benchmarks
+               ^-- results <------^
+                      ^-- report, tuning
 
 and, within ``core``, which room may import which: a frame goes through them in the order of ``ROOMS``.
 """
@@ -20,12 +22,13 @@ import pytest
 
 PACKAGE = 'motion_detect_ros'
 ROOT = Path(__file__).resolve().parent.parent / PACKAGE
-LAYERS = ('core', 'sources', 'bridge', 'nodes', 'cli', 'benchmarks')
+LAYERS = ('core', 'sources', 'results', 'report', 'tuning', 'bridge', 'nodes', 'cli', 'benchmarks')
 #: The rooms of the core, each allowed to import itself and those before it; '' is what stands outside of any room.
 ROOMS = ('geometry', 'preprocessing', 'flow_methods', 'ego_motion', 'optical_flow', 'background', 'clustering',
          'detection', 'trajectories', 'tracking')
 #: Modules of the core outside of rooms that every room may import; all others put rooms together.
-FOUNDATION = ('errors', 'types', 'settings', 'config', 'regions', 'forgetting', 'periods')
+FOUNDATION = ('errors', 'types', 'settings', 'config', 'regions', 'forgetting', 'periods', 'self_tuning',
+              'kernels')
 
 MAX_MODULE_LINES, MAX_NODE_LINES, MAX_FUNCTION_LINES = 300, 150, 60
 
@@ -36,8 +39,11 @@ FORBIDDEN = {
     '': rf'rosidl\w*|lark|cv_bridge|{MESSAGES}',
     'core': rf'{ROS}|{PACKAGE}\.(?!core\b).*',
     'sources': rf'{ROS}|{PACKAGE}\.(?!core\b|sources\b).*',
-    'bridge': rf'rosidl\w*|lark|cv_bridge|{PACKAGE}\.(nodes|cli|benchmarks)',
-    'nodes': rf'cv2|numba|scipy|rosidl\w*|cv_bridge|{MESSAGES}|{PACKAGE}\.(cli|benchmarks)',
+    'results': rf'{ROS}|{PACKAGE}\.(?!core\b|sources\b|results\b).*',
+    'report': rf'{ROS}|{PACKAGE}\.(?!core\b|sources\b|results\b|report\b).*',
+    'tuning': rf'{ROS}|{PACKAGE}\.(?!core\b|sources\b|results\b|tuning\b).*',
+    'bridge': rf'rosidl\w*|lark|cv_bridge|{PACKAGE}\.(results|report|tuning|nodes|cli|benchmarks)',
+    'nodes': rf'cv2|numba|scipy|rosidl\w*|cv_bridge|{MESSAGES}|{PACKAGE}\.(results|report|tuning|cli|benchmarks)',
     'cli': rf'rosidl\w*|lark|cv_bridge|{MESSAGES}|{PACKAGE}\.(nodes|benchmarks)',
     'benchmarks': rf'rosidl\w*|lark|cv_bridge|{MESSAGES}|{PACKAGE}\.nodes',
 }
@@ -192,10 +198,10 @@ def test_circles_are_seen() -> None:
     assert import_cycles({'a': {'b'}, 'b': {'c'}, 'c': {'b'}, 'd': {'d'}, 'e': {'a'}}) == [['b', 'c'], ['d']]
 
 
-def test_core_and_sources_load_without_ros() -> None:
-    """What the imports say, run: a process that cannot import ROS loads both layers whole."""
+def test_core_sources_and_results_load_without_ros() -> None:
+    """What the imports say, run: a process that cannot import ROS loads these layers whole."""
     names = [f'{PACKAGE}.{".".join(module.relative_to(ROOT).with_suffix("").parts)}'
-             for module in MODULES if _layer(module) in ('core', 'sources') and module.stem != '__init__']
+             for module in MODULES if _layer(module) in ('core', 'sources', 'results') and module.stem != '__init__']
     code = textwrap.dedent(f'''
         import importlib, importlib.abc, re, sys
         class NoRos(importlib.abc.MetaPathFinder):
@@ -227,6 +233,17 @@ BROKEN = {
     ('sources', 'from motion_detect_ros.cli import convert'):
         'line 1: sources imports motion_detect_ros.cli.convert',
     ('sources', "import importlib\nimportlib.import_module('rclpy')"): 'line 2: sources imports rclpy',
+    ('results', 'from sensor_msgs.msg import Image'): 'line 1: results imports sensor_msgs.msg.Image',
+    ('results', 'from motion_detect_ros.cli.replay import Job'):
+        'line 1: results imports motion_detect_ros.cli.replay.Job',
+    ('sources', 'from motion_detect_ros.results.files import CSV_NAME'):
+        'line 1: sources imports motion_detect_ros.results.files.CSV_NAME',
+    ('results', 'from motion_detect_ros.report.make import make_report'):
+        'line 1: results imports motion_detect_ros.report.make.make_report',
+    ('report', 'from motion_detect_ros.cli.evaluate import evaluate'):
+        'line 1: report imports motion_detect_ros.cli.evaluate.evaluate',
+    ('bridge', 'from motion_detect_ros.results.rows import csv_row'):
+        'line 1: bridge imports motion_detect_ros.results.rows.csv_row',
     ('bridge', 'from rosidl_runtime_py import utilities'): 'line 1: bridge imports rosidl_runtime_py.utilities',
     ('bridge', 'import motion_detect_ros.nodes.camera'): 'line 1: bridge imports motion_detect_ros.nodes.camera',
     ('nodes', 'import cv2'): 'line 1: nodes imports cv2',

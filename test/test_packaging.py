@@ -151,7 +151,7 @@ def test_every_import_is_a_declared_dependency_and_no_package_of_ros_is_declared
     declared = pip_requirements() | ros_requirements()
     assert sorted(imported - declared) == []
     assert sorted(imported_packages('examples') - declared - {'vision_msgs'}) == []
-    libraries = {'numpy', 'opencv', 'scipy', 'tqdm', 'yaml'}
+    libraries = {'numpy', 'opencv', 'rich', 'scipy', 'yaml'}
     assert sorted(ros_requirements() - libraries - imported) == []
 
 
@@ -165,7 +165,7 @@ def test_what_only_the_tests_import_is_declared_for_them() -> None:
 def test_lock_pins_every_dependency_and_matches_what_is_tested() -> None:
     lines = (REPOSITORY / 'requirements.lock').read_text(encoding='utf-8').splitlines()
     pins = dict(line.split('==') for line in lines if line and not line.startswith('#'))
-    for name in ('opencv-python-headless', 'numpy', 'numba', 'scipy', 'rosbags', 'mcap', 'PyYAML', 'tqdm'):
+    for name in ('opencv-python-headless', 'numpy', 'numba', 'scipy', 'rosbags', 'mcap', 'PyYAML', 'rich'):
         assert distribution(name).version == pins[name]
     assert {'ros-jazzy-rclpy', 'ros-jazzy-common-interfaces', 'ros-jazzy-rmw-fastrtps-cpp'} <= set(pins)
     assert 'lark' not in pins, 'lark and lark-parser install the same module'
