@@ -17,16 +17,14 @@ may hold a wall. The camera looks along the nose, ``camera_pitch_deg`` below it.
 
 import math
 from collections import deque
-from contextlib import suppress
 
 import numpy as np
-import rclpy
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu, LaserScan, PointCloud2
 
 from motion_detect_ros.bridge.records import read_detections, records_to_msg
+from motion_detect_ros.bridge.runner import run_plain
 
 SECTORS = 72
 #: An attitude further away in time than this is not that of the image, seconds; how many are kept.
@@ -109,12 +107,5 @@ def seconds(header):
     return header.stamp.sec + 1e-9 * header.stamp.nanosec
 
 
-def main():
-    """Until Ctrl-C."""
-    rclpy.init()
-    with suppress(KeyboardInterrupt, ExternalShutdownException):
-        rclpy.spin(AutopilotFrames())
-
-
 if __name__ == '__main__':
-    main()
+    run_plain(AutopilotFrames)

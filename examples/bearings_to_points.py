@@ -11,15 +11,12 @@ shall stop. Points are in the optical frame of the images (x right, y down, z fo
 frame by TF, so base_link -> camera_optical_frame must be published.
 """
 
-from contextlib import suppress
-
 import numpy as np
-import rclpy
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
 from motion_detect_ros.bridge.records import read_detections, records_to_msg
+from motion_detect_ros.bridge.runner import run_plain
 
 POINT = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('id', '<u4')])
 
@@ -52,12 +49,5 @@ class BearingsToPoints(Node):
         self.publisher.publish(records_to_msg(points, msg.header))
 
 
-def main():
-    """Until Ctrl-C."""
-    rclpy.init()
-    with suppress(KeyboardInterrupt, ExternalShutdownException):
-        rclpy.spin(BearingsToPoints())
-
-
 if __name__ == '__main__':
-    main()
+    run_plain(BearingsToPoints)

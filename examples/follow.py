@@ -12,17 +12,15 @@ the command is zero.
 """
 
 import math
-from contextlib import suppress
 
 import numpy as np
-import rclpy
 from geometry_msgs.msg import TwistStamped
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from motion_detect_ros.bridge.records import read_detections, records_to_msg
+from motion_detect_ros.bridge.runner import run_plain
 
 
 class Target:
@@ -65,12 +63,5 @@ class Follower(Node):
         self.commands.publish(command)
 
 
-def main():
-    """Until Ctrl-C."""
-    rclpy.init()
-    with suppress(KeyboardInterrupt, ExternalShutdownException):
-        rclpy.spin(Follower())
-
-
 if __name__ == '__main__':
-    main()
+    run_plain(Follower)

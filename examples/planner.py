@@ -12,16 +12,14 @@ and it is an estimate: over the built-in flight, where nothing comes closer, one
 Slow down on a suggestion rather than trust a single one, and keep away from people by other means.
 """
 
-from contextlib import suppress
 
 import numpy as np
-import rclpy
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, PointCloud2
 from std_msgs.msg import String
 
 from motion_detect_ros.bridge.records import read_detections
+from motion_detect_ros.bridge.runner import run_plain
 
 #: Share of the corridor around the middle where no side is the better one.
 UNDECIDED = 0.2
@@ -72,12 +70,5 @@ class Planner(Node):
             self.suggestion = suggestion
 
 
-def main():
-    """Until Ctrl-C."""
-    rclpy.init()
-    with suppress(KeyboardInterrupt, ExternalShutdownException):
-        rclpy.spin(Planner())
-
-
 if __name__ == '__main__':
-    main()
+    run_plain(Planner)

@@ -9,11 +9,10 @@
 
 from __future__ import annotations
 
-import rclpy
 from geometry_msgs.msg import Twist
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 
+from motion_detect_ros.bridge.runner import run_plain
 from motion_detect_ros.bridge.watchdog import Watchdog
 
 PERIOD_S = 0.05
@@ -45,16 +44,5 @@ class Guard(Node):
             self._commands.publish(command)
 
 
-def main() -> None:
-    """Runs until SIGINT or SIGTERM."""
-    rclpy.init()
-    try:
-        rclpy.spin(Guard())
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        rclpy.try_shutdown()
-
-
 if __name__ == '__main__':
-    main()
+    run_plain(Guard)

@@ -12,6 +12,8 @@ from types import FrameType
 import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
 from rclpy.task import Future
 
 from motion_detect_ros.allocator import tune_malloc
@@ -126,6 +128,44 @@ def spin(executor: SingleThreadedExecutor, finished: Future) -> None:
         executor.spin_once(timeout_sec=ROUND_S)  # a signal that comes just before the wait does not end it
 
 
+def run_plain(make_node: Callable[[], Node]) -> None:
+    """Spins a node without states until SIGINT or SIGTERM, for programs beside the package's nodes.
+
+    With ``rclpy.spin`` the signal also raises KeyboardInterrupt, anywhere: in the midst of taking a message it comes
+    out as RuntimeError. Here the signal ends the context only, and the executor returns when what it does is done.
+
+    Raises:
+        Exception: what the node raised before it was told to stop.
+
+    """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: None)
+    node = None
+    try:
+        rclpy.init()
+        node = make_node()
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        while rclpy.ok():
+            executor.spin_once(timeout_sec=ROUND_S)
+    except Exception:
+        if rclpy.ok():
+            raise
+    finally:
+        if node is not None:
+            node.destroy_node()
+        end_context()
+
+
+def end_context() -> None:
+    """End rclpy's context, whether or not its own thread for signals is doing so at the same moment."""
+    try:
+        rclpy.try_shutdown()
+    except rclpy_implementation.RCLError:
+        if rclpy.ok():
+            raise
+
+
 def _complain(error: Exception) -> int:
     print(' '.join(masked(str(error)).split()), file=sys.stderr)
     return WRONG_USE
@@ -139,7 +179,7 @@ def _finish(node: ManagedNode | None) -> None:
         if node is not None:
             node.close()
             node.destroy_node()
-        rclpy.try_shutdown()
+        end_context()
     finally:
         for number in (signal.SIGINT, signal.SIGTERM):  # nothing is left to interrupt but Python's own end
             signal.signal(number, signal.SIG_IGN)

@@ -19,7 +19,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.task import Future
 
-from motion_detect_ros.bridge.runner import spin
+from motion_detect_ros.bridge.runner import end_context, spin
 from motion_detect_ros.cli.live import own_domain
 
 TICKS = 200
@@ -156,3 +156,63 @@ def test_a_thread_that_does_not_come_back_does_not_abort_the_process():
     await_line(process, 'ready')
     process.send_signal(signal.SIGINT)
     assert end_of(process) == (0, '')
+
+
+#: A plain node that gets SIGINT in the midst of taking a message: rclpy makes it a RuntimeError there.
+PLAIN_NODE = '''
+import signal
+from rclpy.node import Node
+from std_msgs.msg import String
+from motion_detect_ros.bridge.runner import run_plain
+
+make = String.__init__
+
+def interrupted(self, **fields):
+    make(self, **fields)
+    if not fields:
+        print('taking', flush=True)
+        signal.raise_signal(signal.SIGINT)
+
+String.__init__ = interrupted
+
+class Plain(Node):
+    def __init__(self):
+        super().__init__('plain')
+        self.out = self.create_publisher(String, 'word', 1)
+        self.create_timer(0.05, lambda: self.out.publish(String(data='sent')))
+        self.create_subscription(String, 'word', print, 1)
+
+run_plain(Plain)
+print('ended', flush=True)
+'''
+
+
+@pytest.mark.timeout(120)
+def test_a_plain_node_ends_cleanly_wherever_the_signal_finds_it():
+    process = subprocess.Popen(
+        [sys.executable, '-c', PLAIN_NODE], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'})
+    await_line(process, 'taking')
+    await_line(process, 'ended')
+    assert end_of(process) == (0, '')
+
+
+@pytest.mark.timeout(120)
+def test_a_plain_node_s_own_error_is_told():
+    script = 'from motion_detect_ros.bridge.runner import run_plain\nrun_plain(lambda: 1 / 0)'
+    ended = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True, check=False,
+                           env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain())})
+    assert ended.returncode == 1
+    assert 'ZeroDivisionError' in ended.stderr
+
+
+def test_a_context_that_a_signal_ends_at_the_same_moment_is_ended(monkeypatch: pytest.MonkeyPatch):
+    """rclpy looks whether it is ended, and ends it: in between its own thread for signals may."""
+    def late() -> None:
+        for _ in range(2):
+            rclpy.get_default_context().handle.shutdown()
+
+    rclpy.init(domain_id=own_domain())
+    monkeypatch.setattr(rclpy, 'try_shutdown', late)
+    end_context()
+    assert not rclpy.ok()
