@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import count
 from pathlib import Path
 
 from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.results.summary import read_summary
 from motion_detect_ros.sources.bags import PART_SUFFIX
 
 #: Name of an input whose own name holds nothing to make one from.
@@ -21,18 +23,37 @@ def folder_name(path: str) -> str:
 
 
 def folders_of(inputs: Sequence[str], output: Path, several: bool = True) -> list[Path]:
-    """One folder for each input, directly in ``output``, no two the same; without ``several``, ``output`` itself."""
+    """One folder for each input, directly in ``output``, no two the same; without ``several``, ``output`` itself.
+
+    An input keeps the folder of an earlier run, also where inputs of the same name have come before it.
+    """
     if not several:
         return [output]
-    folders: list[Path] = []
+    folders: dict[str, Path] = {}
     for path in inputs:
-        name = folder_name(path)
-        number, folder = 1, output / name
-        while folder in folders:
-            number += 1
-            folder = output / f'{name}-{number}'
-        folders.append(folder)
-    return folders
+        earlier = next(folder for folder in _numbered(output, path) if not folder.exists() or _holds(folder, path))
+        if earlier.exists():
+            folders[path] = earlier
+    for path in inputs:
+        if path not in folders:
+            folders[path] = next(folder for folder in _numbered(output, path) if folder not in folders.values())
+    return [folders[path] for path in inputs]
+
+
+def _numbered(output: Path, path: str) -> Iterator[Path]:
+    """The folders that an input may have: its name, and the same with numbers."""
+    name = folder_name(path)
+    yield output / name
+    for number in count(2):
+        yield output / f'{name}-{number}'
+
+
+def _holds(folder: Path, path: str) -> bool:
+    """Whether the results in a folder are of an input."""
+    try:
+        return Path(read_summary(folder).input).resolve() == Path(path).resolve()
+    except SourceError:
+        return False
 
 
 def refuse_existing(files: Iterable[Path], force: bool) -> None:

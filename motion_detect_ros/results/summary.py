@@ -39,12 +39,13 @@ class Summary:
 
     ``frames``: processed; ``misstamped_frames``: left out, as their stamps were seen already or late;
     ``source_frames``: of the source, those left out and unreadable ones included. ``fps`` (1/s), ``topic``, ``start_s``
-    and ``duration_s`` (s), ``every`` (frames): as the user gave them, None where not. ``formats``: of the detections,
-    names in ``results.formats.FORMATS``; ``overlay``: whether detections.mcap holds the pictures with boxes;
-    ``tuned``: at the end, the settings that may follow the scene (``core.self_tuning.Tuned``).
+    and ``duration_s`` (s), ``every`` (frames): as the user gave them, None where not; ``input_bytes``: None where the
+    size is not known. ``formats``: of the detections, names in ``results.formats.FORMATS``; ``overlay``: whether
+    detections.mcap holds the pictures with boxes; ``tuned``: at the end, the settings that may follow the scene (``core.self_tuning.Tuned``).
     """
 
     input: str
+    input_bytes: int | None = None
     fps: float | None = None
     topic: str | None = None
     start_s: float | None = None
@@ -79,7 +80,7 @@ _TYPES: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(('input', 'version'), (str,)), **dict.fromkeys(('topic', 'damaged'), (str, NoneType)),
     **dict.fromkeys(('frames', 'bad_frames', 'misstamped_frames', 'source_frames', 'detections', 'objects',
                      'first_stamp_ns', 'last_stamp_ns'), (int,)),
-    **dict.fromkeys(('announced_frames', 'every'), (int, NoneType)),
+    **dict.fromkeys(('input_bytes', 'announced_frames', 'every'), (int, NoneType)),
     **dict.fromkeys(('fps', 'start_s', 'duration_s'), (*_NUMBER, NoneType)),
     **dict.fromkeys(('complete', 'overlay', 'calibrated'), (bool,)),
     **dict.fromkeys(('ego_status', 'settings', 'tuned', 'stage_ms', 'decode_ms'), (dict,)), 'formats': (list,)}

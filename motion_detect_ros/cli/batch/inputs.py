@@ -62,6 +62,15 @@ def is_source_folder(folder: Path) -> bool:
         return True
 
 
+def size_of(path: str) -> int | None:
+    """Bytes in a file, or in all files of a folder; None where they cannot be looked at."""
+    try:
+        files = [Path(path)] if Path(path).is_file() else [each for each in Path(path).rglob('*') if each.is_file()]
+        return sum(file.stat().st_size for file in files) if files else None
+    except OSError:
+        return None
+
+
 def _inside(folder: Path, skipped: Path | None, seen: set[Path] | None = None) -> Iterator[Path]:
     """The inputs in a folder at any depth, in natural order; what is hidden is left out.
 

@@ -15,6 +15,7 @@ import numpy as np
 
 import motion_detect_ros
 from motion_detect_ros.cli.ahead import Ahead
+from motion_detect_ros.cli.batch.inputs import size_of
 from motion_detect_ros.cli.batch.jobs import (
     NOTHING,
     OK,
@@ -83,20 +84,25 @@ def replay(job: Job, watch: Watch = lambda done, total: None) -> Summary:
     comes to be after the first frame; what ``watch`` raises. Whatever ends the run, outputs and summary hold what was
     done.
     """
+    input_bytes = size_of(job.path)  # before it is read: what grows meanwhile is another input next time
     source = open_source(job.path, job.fps, job.topic, job.window)
     pipeline = MotionPipeline(job.config, source.camera)
     gyro = _gyro(source, job.config)
     use_threads(job.config.load)
     tally = Tally()
+
+    def summary_now(complete: bool) -> Summary:
+        return _summarize(job, input_bytes, source, tally, complete)
+
     try:
-        _begin(job, _summarize(job, source, tally, complete=False))
+        _begin(job, summary_now(complete=False))
         with ReplayOutputs(job.folder, str(job.path), job.formats) as outputs:
             _process(job, source, pipeline, gyro, outputs, tally, watch)
-        summary = _summarize(job, source, tally, complete=True)
+        summary = summary_now(complete=True)
         write_summary(job.folder, summary)
     except BaseException as error:
         with suppress(OSError):
-            write_summary(job.folder, _summarize(job, source, tally, complete=False))
+            write_summary(job.folder, summary_now(complete=False))
         if isinstance(error, OSError):
             error = SourceError(f'{job.folder}: cannot be written: {error.strerror or error}')
         if isinstance(error, SourceError) and tally.frames:
@@ -206,10 +212,12 @@ def _make_folder(folder: Path) -> None:
         raise SourceError(f'{folder}: cannot be made a folder for the outputs: {error.strerror}') from None
 
 
-def _summarize(job: Job, source: FrameSource, tally: Tally, complete: bool) -> Summary:
+def _summarize(
+    job: Job, input_bytes: int | None, source: FrameSource, tally: Tally, complete: bool,
+) -> Summary:
     return Summary(
-        input=str(job.path), fps=job.fps, topic=job.topic, start_s=job.start_s, duration_s=job.duration_s,
-        every=job.every, formats=list(job.formats), overlay=job.overlay, version=motion_detect_ros.__version__,
+        input=str(job.path), input_bytes=input_bytes, fps=job.fps, topic=job.topic, start_s=job.start_s,
+        duration_s=job.duration_s, every=job.every, formats=list(job.formats), overlay=job.overlay, version=motion_detect_ros.__version__,
         complete=complete, damaged=source.damaged, announced_frames=source.frame_count, frames=tally.frames,
         bad_frames=tally.bad_frames + source.bad_frames, misstamped_frames=tally.misstamped_frames,
         source_frames=tally.source_frames, detections=tally.detections, objects=len(tally.ids),

@@ -8,6 +8,7 @@ from enum import Enum, auto
 from pathlib import Path
 
 import motion_detect_ros
+from motion_detect_ros.cli.batch.inputs import size_of
 from motion_detect_ros.cli.batch.jobs import Job, Outcome
 from motion_detect_ros.cli.batch.one_input import outcome_of
 from motion_detect_ros.core.errors import SourceError
@@ -23,7 +24,11 @@ class Found(Enum):
 
     NOTHING = auto()
     INCOMPLETE = auto()
+    OUTDATED = auto()
     FINISHED = auto()
+
+
+_WHY_ANEW = {Found.INCOMPLETE: 'incomplete', Found.OUTDATED: 'the input has changed'}
 
 
 def sort_out(jobs: Sequence[Job], force: bool) -> tuple[dict[Job, Outcome], list[str]]:
@@ -38,8 +43,8 @@ def sort_out(jobs: Sequence[Job], force: bool) -> tuple[dict[Job, Outcome], list
         found = look(job)
         if found is Found.FINISHED:
             finished[job] = _as_earlier(outcome_of(job, read_summary(job.folder)))
-        elif found is Found.INCOMPLETE:
-            lines.append(f'{job.folder}: incomplete, done anew')
+        elif found in _WHY_ANEW:
+            lines.append(f'{job.folder}: {_WHY_ANEW[found]}, done anew')
     return {job: _with_report(job, outcome) for job, outcome in finished.items()}, lines
 
 
@@ -57,6 +62,9 @@ def look(job: Job) -> Found:
     difference = next(_differences(summary, job), None)
     if difference:
         raise SourceError(f'{job.folder}: holds a result of something else ({difference}); --force overwrites it')
+    now = size_of(job.path)
+    if now is not None and summary.input_bytes not in (None, now):
+        return Found.OUTDATED
     whole = all((job.folder / name).is_file() for name in names) and (summary.overlay or not job.overlay)
     return Found.FINISHED if summary.complete and whole else Found.INCOMPLETE
 

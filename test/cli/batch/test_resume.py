@@ -78,6 +78,35 @@ def test_an_input_that_came_later_is_done(tmp_path: Path, capsys: pytest.Capture
     assert sorted(path.name for path in (tmp_path / 'out').iterdir()) == ['a', 'b', 'replay.json']
 
 
+def test_inputs_keep_their_folders_when_one_of_the_same_name_comes_before(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+):
+    write_bag(tmp_path / 'bags' / 'monday' / 'flight.mcap')
+    words = ['replay', str(tmp_path / 'bags'), '-o', str(tmp_path / 'out'), '--no-report']
+    assert main(words) == 0
+    write_bag(tmp_path / 'bags' / 'friday' / 'flight.mcap', 6)
+    said(capsys)
+    assert main(words) == 0
+    assert '2 inputs: 1 done, 1 finished earlier\n' in said(capsys)
+    assert main(words) == 0
+    assert '2 inputs: 2 finished earlier\n' in said(capsys)
+    frames = {folder: json.loads((tmp_path / 'out' / folder / 'summary.json').read_text())['frames']
+              for folder in ('flight', 'flight-2')}
+    assert frames == {'flight': 4, 'flight-2': 6}
+
+
+def test_an_input_that_has_changed_is_done_anew(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    bag, out = write_bag(tmp_path / 'a.mcap'), tmp_path / 'out'
+    words = ['replay', str(bag), '-o', str(out), '--no-report']
+    assert main(words) == 0
+    write_bag(bag, 6)
+    said(capsys)
+    assert main(words) == 0
+    assert said(capsys).startswith(f'{out}: the input has changed, done anew\n{out}: 6 frames')
+    assert main(words) == 0
+    assert '(finished earlier)' in said(capsys)
+
+
 def test_a_replay_that_was_killed_is_done_anew(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     bag, out = write_bag(tmp_path / 'a.mcap', 40), tmp_path / 'out'
     words = ['replay', str(bag), '-o', str(out), '--no-report']
