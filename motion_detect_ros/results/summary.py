@@ -41,7 +41,8 @@ class Summary:
     ``source_frames``: of the source, those left out and unreadable ones included. ``fps`` (1/s), ``topic``, ``start_s``
     and ``duration_s`` (s), ``every`` (frames): as the user gave them, None where not; ``input_bytes``: None where the
     size is not known. ``formats``: of the detections, names in ``results.formats.FORMATS``; ``overlay``: whether
-    detections.mcap holds the pictures with boxes; ``tuned``: at the end, the settings that may follow the scene (``core.self_tuning.Tuned``).
+    detections.mcap holds the pictures with boxes; ``tuned``: at the end,
+    the settings that may follow the scene (``core.self_tuning.Tuned``).
     """
 
     input: str

@@ -217,11 +217,11 @@ def _summarize(
 ) -> Summary:
     return Summary(
         input=str(job.path), input_bytes=input_bytes, fps=job.fps, topic=job.topic, start_s=job.start_s,
-        duration_s=job.duration_s, every=job.every, formats=list(job.formats), overlay=job.overlay, version=motion_detect_ros.__version__,
-        complete=complete, damaged=source.damaged, announced_frames=source.frame_count, frames=tally.frames,
-        bad_frames=tally.bad_frames + source.bad_frames, misstamped_frames=tally.misstamped_frames,
-        source_frames=tally.source_frames, detections=tally.detections, objects=len(tally.ids),
-        ego_status=dict(tally.ego_status), image_size=tally.image_size, calibrated=source.camera is not None,
-        first_stamp_ns=tally.first_stamp_ns, last_stamp_ns=tally.last_stamp_ns, stage_ms=tally.stage_ms(),
-        decode_ms=Percentiles.of(tally.decode_ms),
-        settings={name: value for name, value, _ in settings(job.config)}, tuned=tally.tuned)
+        duration_s=job.duration_s, every=job.every, formats=list(job.formats), overlay=job.overlay,
+        version=motion_detect_ros.__version__, complete=complete, damaged=source.damaged,
+        announced_frames=source.frame_count, frames=tally.frames, bad_frames=tally.bad_frames + source.bad_frames,
+        misstamped_frames=tally.misstamped_frames, source_frames=tally.source_frames, detections=tally.detections,
+        objects=len(tally.ids), ego_status=dict(tally.ego_status), image_size=tally.image_size,
+        calibrated=source.camera is not None, first_stamp_ns=tally.first_stamp_ns, last_stamp_ns=tally.last_stamp_ns,
+        stage_ms=tally.stage_ms(), decode_ms=Percentiles.of(tally.decode_ms), settings={name: value for name, value, _
+        in settings(job.config)}, tuned=tally.tuned)
