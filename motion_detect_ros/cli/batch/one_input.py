@@ -223,5 +223,5 @@ def _summarize(
         misstamped_frames=tally.misstamped_frames, source_frames=tally.source_frames, detections=tally.detections,
         objects=len(tally.ids), ego_status=dict(tally.ego_status), image_size=tally.image_size,
         calibrated=source.camera is not None, first_stamp_ns=tally.first_stamp_ns, last_stamp_ns=tally.last_stamp_ns,
-        stage_ms=tally.stage_ms(), decode_ms=Percentiles.of(tally.decode_ms), settings={name: value for name, value, _
-        in settings(job.config)}, tuned=tally.tuned)
+        stage_ms=tally.stage_ms(), decode_ms=Percentiles.of(tally.decode_ms),
+        settings={name: value for name, value, _ in settings(job.config)}, tuned=tally.tuned)
