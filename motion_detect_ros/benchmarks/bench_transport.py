@@ -13,7 +13,7 @@ from motion_detect_ros.benchmarks.bench_clips import clips_there
 from motion_detect_ros.benchmarks.bench_nodes import NodeProcesses
 from motion_detect_ros.benchmarks.bench_timing import Timing, flight
 from motion_detect_ros.benchmarks.feeder import Answer, Feeder
-from motion_detect_ros.cli.live import own_domain
+from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import ByteArray
 from motion_detect_ros.presets import find_config

@@ -30,7 +30,7 @@ from motion_detect_ros.benchmarks.bench_transport import pictures
 from motion_detect_ros.benchmarks.feeder import Feeder
 from motion_detect_ros.benchmarks.jpeg_stream import JpegStream
 from motion_detect_ros.bridge.transport import environment
-from motion_detect_ros.cli.live import own_domain
+from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.errors import SourceError
 
 #: A node that is told to end has ended after so long, seconds.

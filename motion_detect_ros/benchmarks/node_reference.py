@@ -23,7 +23,7 @@ from motion_detect_ros.benchmarks.node_interface import (
 )
 from motion_detect_ros.benchmarks.security_policy import policy
 from motion_detect_ros.bridge.topics import FLOW_COLORS, MARKERS, OVERLAY
-from motion_detect_ros.cli.live import own_domain
+from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.core.types import NANOSECONDS
 from motion_detect_ros.sources.bags import BagWriter

@@ -30,7 +30,7 @@ from motion_detect_ros.benchmarks.bench_nodes import NodeProcesses
 from motion_detect_ros.benchmarks.bench_timing import Timing
 from motion_detect_ros.benchmarks.bench_transport import GRAPHS, RATE_HZ, await_nodes, parameters, pictures
 from motion_detect_ros.benchmarks.feeder import Feeder
-from motion_detect_ros.cli.live import own_domain
+from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.errors import ConfigError, MotionDetectError
 
 PERIOD_S = 10.0

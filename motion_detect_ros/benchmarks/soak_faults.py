@@ -25,7 +25,7 @@ from motion_detect_ros.benchmarks.bench_transport import GRAPHS, await_nodes, pa
 from motion_detect_ros.benchmarks.feeder import Answer, Feeder
 from motion_detect_ros.benchmarks.jpeg_stream import JpegStream
 from motion_detect_ros.benchmarks.soak_verdict import LEAST_MINUTES, Fault, ProcessSample, Verdict, judge, settled_s
-from motion_detect_ros.cli.live import own_domain
+from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.errors import ConfigError, SourceError
 from motion_detect_ros.core.types import ByteArray
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from motion_detect_ros.bridge.serialized import header_stamp_ns, with_clock
 from motion_detect_ros.bridge.transport import environment
+from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.cli.planner import Planner, Received
 from motion_detect_ros.core.errors import MessageError, SourceError
 from motion_detect_ros.presets import find_config
@@ -34,8 +35,6 @@ IDLE_TIMEOUT_S = 15.0
 POLL_S = 0.05
 #: What the nodes listen to.
 IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_TOPIC, IMU_TOPIC = 'image_raw', 'image_raw/compressed', 'camera_info', 'imu'
-#: DDS domains that plain Linux port ranges allow.
-DOMAINS = range(1, 101)
 
 
 @dataclass(frozen=True)
@@ -45,12 +44,6 @@ class Playback:
     received: tuple[Received, ...]
     published: int
     seconds: float
-
-
-def own_domain() -> int:
-    """The user's ROS_DOMAIN_ID, or one that depends on the process, so that runs do not hear each other."""
-    chosen = os.environ.get('ROS_DOMAIN_ID')
-    return int(chosen) if chosen else DOMAINS[os.getpid() % len(DOMAINS)]
 
 
 class LiveGraph:

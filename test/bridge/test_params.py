@@ -15,7 +15,7 @@ from sensor_msgs.msg import Image
 
 from motion_detect_ros.bridge.params import LiveParameters, declare_config, declare_simple, unknown_parameters
 from motion_detect_ros.bridge.qos import image_qos, overridable, record_qos
-from motion_detect_ros.cli.live import own_domain
+from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.core.settings import settings

@@ -20,7 +20,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.task import Future
 
 from motion_detect_ros.bridge.runner import end_context, spin
-from motion_detect_ros.cli.live import own_domain
+from motion_detect_ros.cli.domains import own_domain
 
 TICKS = 200
 

@@ -22,7 +22,8 @@ from std_msgs.msg import String
 from motion_detect_ros.bridge.images import header_of
 from motion_detect_ros.bridge.transport import environment
 from motion_detect_ros.cli.demo import FLIGHT_BAG, record_flight
-from motion_detect_ros.cli.live import LiveGraph, own_domain
+from motion_detect_ros.cli.domains import own_domain
+from motion_detect_ros.cli.live import LiveGraph
 from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
 from motion_detect_ros.sources.synthetic.camera_path import CameraPath
 

@@ -19,7 +19,8 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from motion_detect_ros.bridge.images import header_of, image_to_msg, stamp_ns
 from motion_detect_ros.bridge.transport import environment
-from motion_detect_ros.cli.live import STAGES, LiveGraph, own_domain
+from motion_detect_ros.cli.domains import own_domain
+from motion_detect_ros.cli.live import STAGES, LiveGraph
 from motion_detect_ros.sources.bags import BagWriter
 from motion_detect_ros.sources.messages import IMAGE, header, make, serialize
 

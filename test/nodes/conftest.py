@@ -12,7 +12,7 @@ import pytest
 from peers import TIMEOUT_S, Peer
 
 from motion_detect_ros.bridge.transport import environment
-from motion_detect_ros.cli.live import own_domain
+from motion_detect_ros.cli.domains import own_domain
 
 
 @pytest.fixture

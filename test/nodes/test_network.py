@@ -17,7 +17,7 @@ from lossy_link import LossyLink, refusal
 from peers import TIMEOUT_S, picture, small
 
 from motion_detect_ros.bridge import transport
-from motion_detect_ros.cli.live import own_domain
+from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.presets import find_config
 
 LOSS, DELAY_S, PARTITION_S = 0.02, 0.02, 5.0

@@ -17,7 +17,7 @@ from motion_detect_ros.benchmarks.node_reference import (
     service_table,
     topic_table,
 )
-from motion_detect_ros.cli.live import own_domain
+from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.settings import settings
 

@@ -14,7 +14,7 @@ from motion_detect_ros.benchmarks.bench_nodes import NodeProcesses
 from motion_detect_ros.benchmarks.bench_timing import flight
 from motion_detect_ros.benchmarks.bench_transport import await_nodes, feed, pictures, settle
 from motion_detect_ros.benchmarks.feeder import Answer, Feeder
-from motion_detect_ros.cli.live import DOMAINS, own_domain
+from motion_detect_ros.cli.domains import DOMAINS, own_domain
 from motion_detect_ros.sources.synthetic import FlightConfig
 
 pytestmark = pytest.mark.timing

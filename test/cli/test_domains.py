@@ -1,0 +1,52 @@
+"""Runs on one machine get domains of their own."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from motion_detect_ros.cli import domains
+from motion_detect_ros.cli.domains import DOMAINS, own_domain
+
+#: A process that thinks that its number is 7 and says its domain, until its input ends.
+RUN = '''
+import os, sys
+os.getpid = lambda: 7
+from motion_detect_ros.cli.domains import own_domain
+print(own_domain(), own_domain(), flush=True)
+sys.stdin.read()
+'''
+
+
+@pytest.fixture
+def no_domain(monkeypatch: pytest.MonkeyPatch, tmp_path):
+    """Locks in a folder of their own, and no domain chosen by the user."""
+    monkeypatch.delenv('ROS_DOMAIN_ID', raising=False)
+    monkeypatch.setenv('TMPDIR', str(tmp_path))
+    return tmp_path
+
+
+def test_processes_whose_numbers_collide_have_different_domains(no_domain):
+    processes = [subprocess.Popen([sys.executable, '-c', RUN], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+                 for _ in range(3)]
+    said = [process.stdout.readline().split() for process in processes]
+    first = {one for one, _ in said}
+    assert len(first) == 3
+    assert all(one == other and int(one) in DOMAINS for one, other in said)
+    for process in processes:
+        process.communicate()
+    process = subprocess.run([sys.executable, '-c', RUN], input='', capture_output=True, text=True, check=True)
+    assert process.stdout.split()[0] in first, 'free again'
+
+
+def test_the_user_s_choice_counts(no_domain, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv('ROS_DOMAIN_ID', '150')
+    assert own_domain() == 150
+    assert not [*no_domain.iterdir()]
+
+
+def test_where_nothing_can_be_locked_the_process_decides(no_domain, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(domains.tempfile, 'gettempdir', lambda: str(no_domain / 'none'))
+    assert domains._reserved.__wrapped__(207) == DOMAINS[7]
