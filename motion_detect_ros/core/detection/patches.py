@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 from functools import lru_cache
 
 import cv2
@@ -27,7 +28,7 @@ class Patch:
 
     def moved(self, right: int, down: int) -> Patch:
         """The patch shifted by whole pixels."""
-        return replace(self, box=self.box.moved(right, down))
+        return Patch(self.box.moved(right, down), self.pixels)
 
 
 def connected_pixels(mask: BoolArray, closing_px: int) -> tuple[int, npt.NDArray[np.int32]]:
@@ -66,6 +67,5 @@ def joined_patches(patches: list[Patch]) -> list[Patch]:
 
 
 def _close(a: Patch, b: Patch) -> bool:
-    size_px = float(np.sqrt(min(a.box.area, b.box.area)))
-    packed = a.box.union(b.box).area <= MAX_SPREAD * (a.box.area + b.box.area)
-    return packed and a.box.gap(b.box) <= GAP_SHARE * size_px
+    gap_px, areas = a.box.gap(b.box), (a.box.area, b.box.area)
+    return gap_px <= GAP_SHARE * math.sqrt(min(areas)) and a.box.union(b.box).area <= MAX_SPREAD * sum(areas)

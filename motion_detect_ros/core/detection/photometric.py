@@ -73,13 +73,13 @@ def photometric_test(
     origin outside of it count as background. background_flow: (2,) or (h, w, 2) of ``window``, motion: (2,), both
     pixels over the pair, beyond the ego-motion; noise_gray: one deviation.
     """
-    shape = (window.height, window.width, 2)
-    background_flow = np.require(np.broadcast_to(background_flow, shape), np.float32, ['C', 'W'])
-    errors = cv2.blur(_squared_errors(*pair.pictures, pair.back, window.left, window.top, background_flow, motion),
+    background = np.empty((window.height, window.width, 2), np.float32)
+    background[...] = background_flow
+    errors = cv2.blur(_squared_errors(*pair.pictures, pair.back, window.left, window.top, background, motion),
                       (WINDOW_PX, WINDOW_PX))
     inner = region.moved(-window.left, -window.top)
     foreground, gain = _explained(
-        errors, inner.left, inner.top, inner.right, inner.bottom, background_flow, motion, np.float32(noise_gray ** 2),
+        errors, inner.left, inner.top, inner.right, inner.bottom, background, motion, np.float32(noise_gray ** 2),
         np.float32((noise_gray * threshold_sigma) ** 2), np.float32(threshold_sigma ** 2))
     if pair.mask is not None:
         foreground &= pair.mask[region.top:region.bottom, region.left:region.right]

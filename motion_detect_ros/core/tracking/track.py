@@ -14,7 +14,7 @@ from motion_detect_ros.core.tracking.alternatives.appearance import Appearance
 from motion_detect_ros.core.tracking.detected_time import DetectedTime
 from motion_detect_ros.core.tracking.motion_filter import MotionFilter
 from motion_detect_ros.core.tracking.time_to_contact import Approach
-from motion_detect_ros.core.tracking.travel import Travel, is_beside_larger
+from motion_detect_ros.core.tracking.travel import Others, Travel
 from motion_detect_ros.core.types import DoubleArray
 
 #: Measurement noise of a box centre, share of the box's side; and process noise of the velocity, shares per second.
@@ -72,11 +72,11 @@ class Track:
         """Log odds of the frames and of the way together."""
         return self.log_odds + self.travelled_log_odds
 
-    def weigh_travel(self, others: list[Track]) -> None:
+    def weigh_travel(self, others: Others) -> None:
         """What the way since the start tells, unless it has stopped or one of the others is larger and close."""
-        boxes = [(other.state[:2], other.size) for other in others if other is not self]
-        added = 0.0 if self.recognised_s else self._travel.log_odds(self.state[:2], self.size)
-        self.travelled_log_odds = 0.0 if added and is_beside_larger(self.state[:2], self.size, boxes) else added
+        centre = self.state[:2]
+        added = 0.0 if self.recognised_s else self._travel.log_odds(centre, self.size)
+        self.travelled_log_odds = 0.0 if added and others.holds_larger(centre, self.size) else added
 
     @property
     def velocity_variance(self) -> DoubleArray:

@@ -15,6 +15,7 @@ from motion_detect_ros.core.detection.scoring import probability
 from motion_detect_ros.core.forgetting import kept
 from motion_detect_ros.core.tracking.alternatives.appearance import APPEARANCE_MODELS
 from motion_detect_ros.core.tracking.track import Track
+from motion_detect_ros.core.tracking.travel import Others
 from motion_detect_ros.core.types import ByteArray, DoubleArray, RecordArray, empty_detections
 
 #: Ids are uint32.
@@ -162,8 +163,9 @@ class Tracker:
 
     def _weigh_travel(self) -> None:
         certain = [track for track in self._tracks if track.id and track.log_odds >= self._config.show_log_odds]
+        others = Others([track.state[:2] for track in certain], [track.size for track in certain])
         for track in self._tracks:
-            track.weigh_travel(certain)
+            track.weigh_travel(others)
 
     def _confirm(self) -> None:
         for track in self._tracks:

@@ -38,9 +38,16 @@ class Travel:
         return TRAVELLED_LOG_ODDS if far else 0.0
 
 
-def is_beside_larger(centre: DoubleArray, size: DoubleArray, others: list[tuple[DoubleArray, DoubleArray]]) -> bool:
-    """Whether a box is in or near one of larger area. others: centre and size, (2,) each, pixels."""
-    area = float(size.prod())
-    return any(float(larger.prod()) > area
-               and bool((np.abs(centre - place) < larger / 2.0 + BESIDE_SIZES * np.sqrt(larger.prod())).all())
-               for place, larger in others)
+class Others:
+    """Boxes that a small one may be a part or the shadow of."""
+
+    def __init__(self, centres: list[DoubleArray], sizes: list[DoubleArray]) -> None:
+        """centres, sizes: (2,) each, pixels."""
+        self._centres, sizes_px = np.reshape(centres, (-1, 2)), np.reshape(sizes, (-1, 2))
+        self._areas = sizes_px.prod(axis=1)
+        self._reach = sizes_px / 2.0 + BESIDE_SIZES * np.sqrt(self._areas)[:, None]
+
+    def holds_larger(self, centre: DoubleArray, size: DoubleArray) -> bool:
+        """Whether a box is in or near one of larger area; it may be one of them itself. centre, size: (2,) pixels."""
+        near = (np.abs(centre - self._centres) < self._reach).all(axis=1)
+        return bool((near & (self._areas > size.prod())).any())

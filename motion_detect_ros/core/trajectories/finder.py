@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.detection.candidate import Candidate
@@ -17,7 +19,7 @@ from motion_detect_ros.core.trajectories.point_boxes import BoxFitter, NearestPo
 from motion_detect_ros.core.trajectories.point_scoring import point_log_odds
 from motion_detect_ros.core.trajectories.points import Points, PointTracker
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
-from motion_detect_ros.core.types import BoolArray, CameraModel, EgoMotion, FloatArray, PreparedFrame
+from motion_detect_ros.core.types import BoolArray, CameraModel, DoubleArray, EgoMotion, FloatArray, PreparedFrame
 
 #: Objects are found so often, seconds; in between they go where their points go. In the third frame first, so that
 #: flow measured as often, in the second frame first, comes in other frames.
@@ -42,14 +44,14 @@ class PointCounts:
         there[rows, columns] = 1
         self._sums = cv2.integral(there)
 
-    def within(self, box: PointBox, margin_px: float) -> int:
-        """In the box grown by a margin; two in the same pixel are one."""
-        height, width = self._sums.shape
-        left, top = (max(0, round(edge - margin_px)) for edge in box.low.tolist())
-        right, bottom = (min(last, round(edge + margin_px))
-                         for last, edge in zip((width - 1, height - 1), box.high.tolist(), strict=True))
+    def within(self, low: DoubleArray, high: DoubleArray, margin_px: float) -> npt.NDArray[np.int32]:
+        """(K,) in boxes grown by a margin; two in the same pixel are one. low, high: (K, 2) pixels."""
         sums = self._sums
-        return int(sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left])
+        height, width = sums.shape
+        left, top = np.maximum(np.rint(low - margin_px), 0.0).astype(np.intp).T
+        right, bottom = np.minimum(np.rint(high + margin_px), [width - 1, height - 1]).astype(np.intp).T
+        counts: npt.NDArray[np.int32] = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
+        return counts
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ class _Object:
             return None
         way = column_medians(now.now[there] - before.now[was])
         return _Object(replace(self.cluster, members=there),
-                       replace(self.box, low=self.box.low + way, high=self.box.high + way), self.log_odds)
+                       PointBox(self.box.low + way, self.box.high + way, self.box.pixels), self.log_odds)
 
     def candidate(self, scale: float) -> Candidate:
         low, high = self.box.low / scale, self.box.high / scale
@@ -123,18 +125,26 @@ class TrajectoryFinder:
         for number, cluster in enumerate(clusters):
             owner[cluster.members] = number
         fitter = BoxFitter(points, self._frames, frame.mask, NearestPoints(points.now[old], owner[old]), self._config)
-        found = []
-        for number, cluster in enumerate(clusters):
-            if _log_odds(cluster, PointBox.around(cluster), known, moving) < FITTED_LOG_ODDS:
-                continue
-            box = fitter.fit(cluster, number)
-            if box is not None and min(box.high - box.low) >= self._config.min_side_px:
-                found.append(_Object(cluster, box, _log_odds(cluster, box, known, moving)))
-        return [each for each in found if each.log_odds >= LEAST_LOG_ODDS]
+        bounds = [PointBox.around(cluster) for cluster in clusters]
+        fitted = [(cluster, fitter.fit(cluster, number))
+                  for number, (cluster, odds) in enumerate(zip(clusters, _log_odds(clusters, bounds, known, moving),
+                                                               strict=True)) if odds >= FITTED_LOG_ODDS]
+        found = [(cluster, box) for cluster, box in fitted
+                 if box is not None and min(box.high - box.low) >= self._config.min_side_px]
+        if not found:
+            return []
+        there, boxes = zip(*found, strict=True)
+        objects = map(_Object, there, boxes, _log_odds(there, boxes, known, moving))
+        return [each for each in objects if each.log_odds >= LEAST_LOG_ODDS]
 
 
-def _log_odds(cluster: Cluster, box: PointBox, known: PointCounts, moving: PointCounts) -> float:
-    inside, wide = known.within(box, 0.0), known.within(box, AROUND_PX)
-    moving_inside, moving_wide = moving.within(box, 0.0), moving.within(box, AROUND_PX)
-    return point_log_odds(len(cluster.members), moving_inside / max(1, inside),
-                          (moving_wide - moving_inside) / max(1, wide - inside))
+def _log_odds(
+    clusters: Sequence[Cluster], boxes: Sequence[PointBox], known: PointCounts, moving: PointCounts,
+) -> list[float]:
+    low, high = np.array([box.low for box in boxes]), np.array([box.high for box in boxes])
+    inside, moving_inside = known.within(low, high, 0.0), moving.within(low, high, 0.0)
+    around = known.within(low, high, AROUND_PX) - inside
+    moving_around = moving.within(low, high, AROUND_PX) - moving_inside
+    return [point_log_odds(len(cluster.members), *shares) for cluster, *shares in zip(
+        clusters, (moving_inside / np.maximum(1, inside)).tolist(), (moving_around / np.maximum(1, around)).tolist(),
+        strict=True)]

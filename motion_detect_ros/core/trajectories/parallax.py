@@ -40,11 +40,12 @@ def plane_shift(
     if homography is None or not np.isfinite(homography).all() or abs(np.linalg.det(homography)) < 1e-9:
         return None
     matrix = camera.matrix
-    rays = _homogeneous(earlier[chosen]) @ inverse(matrix).T
+    to_ray = inverse(matrix)
+    rays = _homogeneous(earlier[chosen]) @ to_ray.T
     rotation = _rotation(homography, matrix, rays)
     if rotation is None:
         return None
-    turned = _homogeneous(places) @ (matrix @ rotation @ inverse(matrix) @ inverse(homography)).T
+    turned = _homogeneous(places) @ (matrix @ rotation @ to_ray @ inverse(homography)).T
     shift: DoubleArray = places - turned[:, :2] / turned[:, 2:]
     return shift
 

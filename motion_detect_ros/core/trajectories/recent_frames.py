@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -31,6 +31,7 @@ class RecentFrames:
 
     def __init__(self) -> None:
         self._frames: list[RecentFrame] = []
+        self._seconds: list[float] = []
 
     def __len__(self) -> int:
         return len(self._frames)
@@ -41,6 +42,7 @@ class RecentFrames:
     def reset(self) -> None:
         """Clear all frames."""
         self._frames.clear()
+        self._seconds.clear()
 
     def add(self, frame: PreparedFrame, ego: EgoMotion) -> bool:
         """Add a frame; False where it does not continue the ones before, which are cleared then."""
@@ -51,19 +53,20 @@ class RecentFrames:
             self._frames.clear()
         step = at_scale(ego.matrix, frame.scale)
         oldest_ns = frame.stamp_ns - round(KEPT_S * NANOSECONDS)
+        kept = [each for each in self._frames[:MAX_FRAMES - 1] if each.stamp_ns >= oldest_ns]
         self._frames = [RecentFrame(frame.gray, _halved(frame.gray), np.eye(3), frame.stamp_ns),
-                        *(replace(each, matrix=step @ each.matrix) for each in self._frames[:MAX_FRAMES - 1]
-                          if each.stamp_ns >= oldest_ns)]
+                        *(RecentFrame(each.gray, each.half, step @ each.matrix, each.stamp_ns) for each in kept)]
+        self._seconds = [(frame.stamp_ns - each.stamp_ns) / NANOSECONDS for each in self._frames]
         return follows
 
     def seconds(self, frames_ago: int) -> float:
         """Time from that frame to the current one."""
-        return (self._frames[0].stamp_ns - self._frames[frames_ago].stamp_ns) / NANOSECONDS
+        return self._seconds[frames_ago]
 
     def nearest(self, seconds: float) -> int:
         """How many frames ago is closest to ``seconds``; at least 1 unless there is only the current frame."""
-        choices = range(1, len(self._frames))
-        return min(choices, key=lambda ago: abs(self.seconds(ago) - seconds), default=0)
+        distances = [abs(each - seconds) for each in self._seconds[1:]]
+        return distances.index(min(distances)) + 1 if distances else 0
 
 
 def _halved(gray: ByteArray) -> ByteArray:
