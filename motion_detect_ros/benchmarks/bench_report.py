@@ -47,9 +47,10 @@ Best is to run `python -m motion_detect_ros bench --no-nodes --parts one_thread`
 multiply by the ratio of its single-core speed to that of this machine, and expect to be wrong by a third: published
 comparisons use other programs. One that can be repeated anywhere is `sysbench cpu --threads=1 --time=60 run`: 4050
 events a second here (AMD EPYC, virtual machine), published 2737 for a Raspberry Pi 5 and 1478 for a Pi 4
-(https://leoncode.co.uk/articles/raspberry-pi-benchmarks), so ratios of 1.5 and 2.7. It counts prime numbers by division and neither reads memory nor uses vector instructions, which is most of what a
-detector does, so it flatters small cores. Of further cores a second one helps most: two threads take 0.8 of the time of
-one (section Real clips). No other computer has been measured.''',
+(https://leoncode.co.uk/articles/raspberry-pi-benchmarks), so ratios of 1.5 and 2.7. It counts prime numbers by
+division and neither reads memory nor uses vector instructions, which is most of what a detector does, so it flatters
+small cores. Of further cores a second one helps most: two threads take 0.8 of the time of one (section Real clips).
+No other computer has been measured.''',
     'curves': '''What a frame costs as its content grows. `x^b`: least squares of log time on log x. Objects: small
 cars on 1600x900. Neurons: ART2 alone on 30000 vectors. Cells: `grid_px` 16 to 2 on the built-in flight. Processor: all
 threads together, which other load hardly changes.''',
