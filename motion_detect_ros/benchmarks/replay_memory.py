@@ -24,10 +24,11 @@ from motion_detect_ros.benchmarks.bench_nodes import resident_mb
 from motion_detect_ros.core.errors import ConfigError, MotionDetectError, SourceError
 from motion_detect_ros.core.types import NANOSECONDS
 from motion_detect_ros.results.detection_bag import jpeg
-from motion_detect_ros.results.files import FRAMES_NAME, part_of
+from motion_detect_ros.results.files import FRAMES_NAME
 from motion_detect_ros.results.formats import FORMATS
 from motion_detect_ros.sources.bags import BagWriter
 from motion_detect_ros.sources.frames import FIRST_STAMP_NS
+from motion_detect_ros.sources.part_file import part_of
 from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
 
 RATE_HZ = 10.0

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.results.summary import read_summary
-from motion_detect_ros.sources.bags import PART_SUFFIX
+from motion_detect_ros.sources.part_file import part_of
 
 #: Name of an input whose own name holds nothing to make one from.
 NAMELESS = 'input'
@@ -59,6 +59,6 @@ def _holds(folder: Path, path: str) -> bool:
 def refuse_existing(files: Iterable[Path], force: bool) -> None:
     """Raises: SourceError where one of the files, or what an interrupted run left of it, exists, unless ``force``."""
     for file in () if force else files:
-        for each in (file, file.with_name(file.name + PART_SUFFIX)):
+        for each in (file, part_of(file)):
             if each.exists():
                 raise SourceError(f'{each}: exists; --force overwrites it')

@@ -12,9 +12,10 @@ import numpy as np
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import NANOSECONDS, BoolArray, DoubleArray, RecordArray
-from motion_detect_ros.results.files import CSV_NAME, FRAMES_NAME, TIMES_NAME, part_of
+from motion_detect_ros.results.files import CSV_NAME, FRAMES_NAME, TIMES_NAME
 from motion_detect_ros.results.rows import TIMES_HEADER
 from motion_detect_ros.results.summary import STAGES, Percentiles, Summary, read_summary
+from motion_detect_ros.sources.part_file import part_of
 
 #: One row of detections.csv: frame, id, top left corner and size (px), score, velocity (px/s), time to contact (s).
 BOX_DTYPE = np.dtype([

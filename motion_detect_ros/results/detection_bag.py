@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import cv2
 
@@ -16,6 +14,7 @@ from motion_detect_ros.results.files import BAG_NAME
 from motion_detect_ros.sources.bags import BagWriter
 from motion_detect_ros.sources.box_messages import detection_array, image_annotations
 from motion_detect_ros.sources.frames import CAMERA_FRAME
+from motion_detect_ros.sources.part_file import PartFile
 
 #: Topics as the nodes name them.
 RECORDS_TOPIC, BOXES_TOPIC, OVERLAY_TOPIC = '/detections', '/detections_2d', '/overlay/overlay/compressed'
@@ -27,12 +26,13 @@ CHUNK_BYTES = 32_768
 JPEG_QUALITY = 85
 
 
-class BagDetections:
+class BagDetections(PartFile):
     """For every frame its records, its boxes, the same for Foxglove, and its picture with boxes where there is one."""
 
     def __init__(self, folder: Path, source: str) -> None:
         """Raises: SourceError where the file cannot be written. source: not used."""
-        self._bag = BagWriter(folder / BAG_NAME, chunk_bytes=CHUNK_BYTES)
+        super().__init__(folder / BAG_NAME)
+        self._bag = BagWriter(self.path, chunk_bytes=CHUNK_BYTES)
 
     def write(self, found: FrameDetections) -> None:
         """Add the messages of one frame, also where nothing was found. Raises: BackendError as ``jpeg``."""
@@ -44,13 +44,9 @@ class BagDetections:
             picture = jpeg(draw_detections(found.image, found.records))
             self._bag.write_compressed(picture, 'jpeg', found.stamp_ns, OVERLAY_TOPIC)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None,
-    ) -> None:
-        self._bag.__exit__(kind, error, trace)
+    def finish_part(self) -> None:
+        """Close the bag properly under its part name."""
+        self._bag.finish_part()
 
 
 def jpeg(image: ByteArray) -> bytes:

@@ -5,19 +5,18 @@ from __future__ import annotations
 import json
 from array import array
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import motion_detect_ros
 from motion_detect_ros.results.detection_writer import FrameDetections, finite
 from motion_detect_ros.results.files import COCO_NAME, TextFile
 from motion_detect_ros.results.metrics import boxes_of
+from motion_detect_ros.sources.part_file import PartFile
 
 CATEGORY = {'id': 1, 'name': 'moving', 'supercategory': 'object'}
 DECIMALS = 5
 
 
-class CocoDetections:
+class CocoDetections(PartFile):
     """Annotations as they come, the images at the end: 24 bytes of each frame are kept until then.
 
     ``annotations`` with their scores are also what ``COCO.loadRes`` of pycocotools takes. Left by an exception, the
@@ -27,10 +26,11 @@ class CocoDetections:
 
     def __init__(self, folder: Path, source: str) -> None:
         """source: the input, for the description. Raises: SourceError where the file cannot be written."""
+        super().__init__(folder / COCO_NAME)
         self._frames, self._stamps_ns = array('q'), array('q')
         self._widths, self._heights = array('i'), array('i')
         self._annotations = 0
-        self._file = TextFile(folder / COCO_NAME)
+        self._file = TextFile(self.path)
         info = {'description': f'moving objects in {source}', 'version': motion_detect_ros.__version__}
         self._file.add(f'{{"info": {json.dumps(info)},')
         self._file.add(f'"categories": [{json.dumps(CATEGORY)}],')
@@ -51,18 +51,12 @@ class CocoDetections:
                 'bbox': [x, y, width, height], 'area': round(width * height, DECIMALS), 'iscrowd': 0,
                 'score': round(float(record['score']), DECIMALS), 'track_id': int(record['id'])}))
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None,
-    ) -> None:
+    def finish_part(self) -> None:
+        """Add the images and close the file under its part name."""
         try:
             self._add_images()
         finally:
             self._file.finish_part()
-        if kind is None:
-            self._file.close()
 
     def _add_images(self) -> None:
         self._file.add('],')

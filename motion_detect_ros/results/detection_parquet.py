@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from array import array
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from motion_detect_ros.core.errors import BackendError, SourceError
 from motion_detect_ros.core.types import DETECTION_DTYPE
 from motion_detect_ros.results.detection_writer import FrameDetections
-from motion_detect_ros.results.files import PARQUET_NAME, part_of
+from motion_detect_ros.results.files import PARQUET_NAME
 from motion_detect_ros.results.metrics import boxes_of
+from motion_detect_ros.sources.part_file import PartFile
 
 #: Rows of a row group: what is kept in memory, some hundred kilobytes.
 GROUP_ROWS = 4096
@@ -22,7 +22,7 @@ _BOX, _MORE = ('u', 'v', 'width', 'height'), ('score', 'vel_u', 'vel_v', 'ttc')
 _REST = tuple(name for name in DETECTION_DTYPE.names or () if name not in (*_BOX, *_MORE, 'id'))
 
 
-class ParquetDetections:
+class ParquetDetections(PartFile):
     """The columns of detections.csv and all other fields of ``DETECTION_DTYPE``; ``input`` says what it is of.
 
     Left by an exception, the part is closed properly: a readable file of everything written so far. A part whose
@@ -32,13 +32,13 @@ class ParquetDetections:
     def __init__(self, folder: Path, source: str) -> None:
         """source: the column ``input``. Raises: BackendError without pyarrow, SourceError for an unwritable file."""
         self._arrow, parquet = _pyarrow()
-        self._path, self._source = folder / PARQUET_NAME, source
+        super().__init__(folder / PARQUET_NAME)
+        self._source = source
         self._start_group()
         try:
-            self._writer = parquet.ParquetWriter(
-                str(part_of(self._path)), self._group().schema, compression='zstd')
+            self._writer = parquet.ParquetWriter(str(self.part_path), self._group().schema, compression='zstd')
         except OSError as error:
-            raise SourceError(f'{part_of(self._path)}: cannot be written: {error.strerror or error}') from None
+            raise SourceError(f'{self.part_path}: cannot be written: {error.strerror or error}') from None
 
     def write(self, found: FrameDetections) -> None:
         """Add the rows of one frame."""
@@ -49,18 +49,12 @@ class ParquetDetections:
         if len(self._frames) >= GROUP_ROWS:
             self._write_group()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None,
-    ) -> None:
+    def finish_part(self) -> None:
+        """Write the rows that wait and close the file under its part name."""
         try:
             self._write_group()
         finally:
             self._writer.close()
-        if kind is None:
-            part_of(self._path).replace(self._path)
 
     def _start_group(self) -> None:
         self._frames, self._stamps_ns, self._records = array('q'), array('q'), bytearray()

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from motion_detect_ros.core.errors import SourceError
-from motion_detect_ros.sources.bags import PART_SUFFIX
+from motion_detect_ros.sources.part_file import PartFile, part_of
 
 CSV_NAME, BAG_NAME, SUMMARY_NAME = 'detections.csv', 'detections.mcap', 'summary.json'
 FRAMES_NAME, TIMES_NAME = 'frames.csv', 'times.csv'
@@ -16,12 +14,7 @@ PARQUET_NAME, MOT_NAME, COCO_NAME = 'detections.parquet', 'mot.txt', 'coco.json'
 OUTPUT_NAMES = CSV_NAME, BAG_NAME, SUMMARY_NAME, FRAMES_NAME, TIMES_NAME
 
 
-def part_of(path: Path) -> Path:
-    """Where a file is while it is being written."""
-    return path.with_name(path.name + PART_SUFFIX)
-
-
-class TextFile:
+class TextFile(PartFile):
     """A text file under construction, line by line; use as a context manager.
 
     It is written to ``<path>.part`` and renamed when complete; left by an exception, the part stays with every line
@@ -30,11 +23,11 @@ class TextFile:
 
     def __init__(self, path: Path, header: str = '') -> None:
         """Raises: SourceError where the file cannot be written."""
-        self._path = path
+        super().__init__(path)
         try:
-            self._stream = part_of(path).open('wb', buffering=0)
+            self._stream = self.part_path.open('wb', buffering=0)
         except OSError as error:
-            raise SourceError(f'{part_of(path)}: cannot be written: {error.strerror}') from None
+            raise SourceError(f'{self.part_path}: cannot be written: {error.strerror}') from None
         if header:
             self.add(header)
 
@@ -51,22 +44,6 @@ class TextFile:
     def finish_part(self) -> None:
         """Close the file under its part name."""
         self._stream.close()
-
-    def close(self) -> None:
-        """Close the file and give it its name."""
-        self.finish_part()
-        part_of(self._path).replace(self._path)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None,
-    ) -> None:
-        if kind is None:
-            self.close()
-        else:
-            self.finish_part()
 
 
 def write_whole(path: Path, text: str) -> None:

@@ -22,9 +22,9 @@ from motion_detect_ros.results.files import (
     PARQUET_NAME,
     SUMMARY_NAME,
     TIMES_NAME,
-    part_of,
 )
 from motion_detect_ros.results.summary import read_summary
+from motion_detect_ros.sources.part_file import part_of
 
 
 @dataclass(frozen=True)

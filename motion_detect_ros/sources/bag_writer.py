@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
@@ -12,12 +11,12 @@ from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import ByteArray, CameraModel, DoubleArray, RecordArray
 from motion_detect_ros.sources import messages
 from motion_detect_ros.sources.frames import CAMERA_FRAME
+from motion_detect_ros.sources.part_file import PartFile
 
-PART_SUFFIX = '.part'
 CHUNK_BYTES = 1 << 20
 
 
-class BagWriter:
+class BagWriter(PartFile):
     """An MCAP file under construction; use as a context manager.
 
     It is written to ``<path>.part`` and renamed when complete. If the block is left by an exception the part is
@@ -29,8 +28,7 @@ class BagWriter:
 
         chunk_bytes: what is collected before it is written; if the process is killed that much is lost.
         """
-        self.path = Path(path)
-        self.part_path = self.path.with_name(self.path.name + PART_SUFFIX)
+        super().__init__(Path(path))
         self.message_count = 0
         self._channels: dict[tuple[str, str], int] = {}
         try:
@@ -85,22 +83,6 @@ class BagWriter:
         if not self._stream.closed:
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._stream.close()
-
-    def close(self) -> None:
-        """Close the file and give it its name."""
-        self.finish_part()
-        self.part_path.replace(self.path)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None,
-    ) -> None:
-        if kind is None:
-            self.close()
-        else:
-            self.finish_part()
 
     def _channel(self, topic: str, msgtype: str) -> int:
         """The channel of a topic, registered at its first message."""

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from motion_detect_ros.core.errors import SourceError
-from motion_detect_ros.results.files import BAG_NAME, SUMMARY_NAME, part_of
+from motion_detect_ros.results.files import BAG_NAME, SUMMARY_NAME
 from motion_detect_ros.sources.bags import METADATA_NAME, is_bag, is_recording
 from motion_detect_ros.sources.images import image_files, natural_key
 from motion_detect_ros.sources.kitti import is_kitti_drive
 from motion_detect_ros.sources.opening import looks_like_source
+from motion_detect_ros.sources.part_file import part_of
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,6 @@ from motion_detect_ros.core.pipeline import Measured, MotionPipeline, use_thread
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.core.stamp_order import StampOrder
 from motion_detect_ros.report.make import REPORT_NAME, report_after_replay
-from motion_detect_ros.results.files import part_of
 from motion_detect_ros.results.formats import output_names, remove_others
 from motion_detect_ros.results.outputs import ReplayOutputs
 from motion_detect_ros.results.summary import Percentiles, Summary, write_summary
@@ -42,6 +41,7 @@ from motion_detect_ros.results.tally import Tally
 from motion_detect_ros.sources.frames import FrameSource, SourceFrame
 from motion_detect_ros.sources.inertial import GyroReplay, InertialSource
 from motion_detect_ros.sources.opening import open_source
+from motion_detect_ros.sources.part_file import part_of
 
 
 def run_job(job: Job, watch: Watch = lambda done, total: None) -> Outcome:

@@ -14,9 +14,10 @@ from motion_detect_ros.cli.batch.one_input import outcome_of
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.report.make import REPORT_NAME, report_after_replay
-from motion_detect_ros.results.files import SUMMARY_NAME, part_of
+from motion_detect_ros.results.files import SUMMARY_NAME
 from motion_detect_ros.results.formats import output_names
 from motion_detect_ros.results.summary import Summary, read_summary
+from motion_detect_ros.sources.part_file import part_of
 
 
 class Found(Enum):
