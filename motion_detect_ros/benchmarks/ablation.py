@@ -20,10 +20,11 @@ from motion_detect_ros.benchmarks.accuracy import add_run_arguments
 from motion_detect_ros.benchmarks.accuracy_clips import Clip, ClipRun, Job, in_processes, read_clips, run_clip
 from motion_detect_ros.benchmarks.accuracy_record import Figures
 from motion_detect_ros.benchmarks.accuracy_table import change
+from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.generated import replace_section
 from motion_detect_ros.benchmarks.substitutes import DBSCAN, KMEANS, ONE_CLUSTER, Choice, Substitute, run_choices
 from motion_detect_ros.core.config import PipelineConfig
-from motion_detect_ros.core.errors import BackendError, MotionDetectError, SourceError
+from motion_detect_ros.core.errors import BackendError, SourceError
 from motion_detect_ros.core.settings import Scalar, with_settings
 
 #: The whole detector, as the presets have it.
@@ -129,6 +130,7 @@ def available(parts: Sequence[Part]) -> tuple[list[Part], list[str]]:
     return found, missing
 
 
+@reports_errors
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command; exit code 2 where parts or clips are unknown."""
     parser = argparse.ArgumentParser(prog='ablation', description='Every part of the detector off in turn.')
@@ -141,22 +143,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.list:
         print('\n'.join(part.name for part in PARTS))
         return 0
-    try:
-        parts, missing = available(_chosen(options.parts))
-        tasks = tasks_of(parts, options.data, options.clips)
-        runs = in_processes(run_task, tasks, options.jobs)
-        lines = []
-        for line in rows(parts, means_of(runs, len(tasks) // (len(parts) + 1))):
-            print(line, flush=True)
-            lines.append(line)
-        after = ['', f'No setting takes out: {"; ".join(WITHOUT_SWITCH)}.', *missing]
-        print('\n'.join(after))
-        lines += after
-        if options.write:
-            replace_section(options.write, SECTION, lines)
-    except MotionDetectError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 2
+    parts, missing = available(_chosen(options.parts))
+    tasks = tasks_of(parts, options.data, options.clips)
+    runs = in_processes(run_task, tasks, options.jobs)
+    lines = []
+    for line in rows(parts, means_of(runs, len(tasks) // (len(parts) + 1))):
+        print(line, flush=True)
+        lines.append(line)
+    after = ['', f'No setting takes out: {"; ".join(WITHOUT_SWITCH)}.', *missing]
+    print('\n'.join(after))
+    lines += after
+    if options.write:
+        replace_section(options.write, SECTION, lines)
     return 0
 
 

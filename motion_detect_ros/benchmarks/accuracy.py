@@ -40,8 +40,9 @@ from motion_detect_ros.benchmarks.accuracy_record import (
     record_named,
 )
 from motion_detect_ros.benchmarks.accuracy_table import table
+from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.generated import replace_section
-from motion_detect_ros.core.errors import MotionDetectError, SourceError
+from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.presets import load_preset
 
 RECORDS = Path(__file__).resolve().parents[2] / 'docs' / 'accuracy.json'
@@ -49,15 +50,12 @@ RECORDS = Path(__file__).resolve().parents[2] / 'docs' / 'accuracy.json'
 SECTIONS = {'moving': 'clips', 'all': 'clips, all objects'}
 
 
+@reports_errors
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command; exit code 1 where a floor is missed, 2 where clips or settings are wrong."""
     options = make_parser().parse_args(arguments)
-    try:
-        changes = read_changes(options.set)
-        return _guard(options, changes) if options.floors else _measure(options, changes)
-    except MotionDetectError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 2
+    changes = read_changes(options.set)
+    return _guard(options, changes) if options.floors else _measure(options, changes)
 
 
 def make_parser() -> argparse.ArgumentParser:

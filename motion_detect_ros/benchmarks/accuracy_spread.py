@@ -16,13 +16,14 @@ import numpy as np
 
 from motion_detect_ros.benchmarks.accuracy import add_run_arguments, read_changes
 from motion_detect_ros.benchmarks.accuracy_clips import IOUS, ClipRun, Job, read_clips, run_jobs
-from motion_detect_ros.core.errors import MotionDetectError
+from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.core.types import DoubleArray
 
 #: The values of ``ego_motion.max_corners``, around the default of 700.
 CORNERS = (640, 680, 720, 760)
 
 
+@reports_errors
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command; exit code 2 where clips or settings are wrong."""
     parser = argparse.ArgumentParser(prog='accuracy_spread', description='Mean and deviation of F1 over like runs.')
@@ -30,14 +31,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add_run_arguments(parser)
     parser.add_argument('--set', nargs='*', default=[], metavar='NAME=VALUE', help='settings on top of the presets')
     options = parser.parse_args(arguments)
-    try:
-        changes, clips = read_changes(options.set), read_clips(options.data, options.clips)
-        jobs = [Job(clip, {**changes, 'ego_motion.max_corners': count}) for clip in clips for count in CORNERS]
-        found = figures(list(run_jobs(jobs, options.jobs)))
-        print('\n'.join(table([clip.name for clip in clips], found)))
-    except MotionDetectError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 2
+    changes, clips = read_changes(options.set), read_clips(options.data, options.clips)
+    jobs = [Job(clip, {**changes, 'ego_motion.max_corners': count}) for clip in clips for count in CORNERS]
+    found = figures(list(run_jobs(jobs, options.jobs)))
+    print('\n'.join(table([clip.name for clip in clips], found)))
     return 0
 
 

@@ -17,8 +17,9 @@ from importlib.metadata import PackageNotFoundError, metadata
 from pathlib import Path
 from xml.etree import ElementTree
 
+from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.generated import show
-from motion_detect_ros.core.errors import ConfigError, MotionDetectError
+from motion_detect_ros.core.errors import ConfigError
 
 LOCK = Path('requirements.lock')
 SECTION = 'licences'
@@ -114,17 +115,14 @@ def _short(licence: str) -> str:
     return licence if len(licence) <= _LONGEST else f'{licence[:_LONGEST].rstrip()} ...'
 
 
+@reports_errors
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line."""
     parser = argparse.ArgumentParser(prog='dependencies', description='Licences of all locked dependencies.')
     parser.add_argument('--write', type=Path, metavar='FILE', help='put the table into this document, too')
     options = parser.parse_args(arguments)
-    try:
-        found = dependencies(LOCK)
-        show(table(found), options.write, SECTION)
-    except MotionDetectError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 2
+    found = dependencies(LOCK)
+    show(table(found), options.write, SECTION)
     doubtful = [one for one in found if one.kind in {'copyleft', 'unknown'}]
     for one in doubtful:
         print(f'{one.name}: {one.kind}: {one.licence or "says nothing"}', file=sys.stderr)

@@ -27,6 +27,7 @@ from pathlib import Path
 
 from motion_detect_ros.benchmarks.bench_nodes import cpu_s
 from motion_detect_ros.benchmarks.bench_transport import pictures
+from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.feeder import Feeder
 from motion_detect_ros.benchmarks.jpeg_stream import JpegStream
 from motion_detect_ros.bridge.transport import environment
@@ -168,6 +169,7 @@ class Ends:
             time.sleep(POLL_S)
 
 
+@reports_errors
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line."""
     parser = argparse.ArgumentParser(prog='ends', description=__doc__.partition('\n')[0])
@@ -176,17 +178,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     given.output.mkdir(parents=True, exist_ok=True)
     ended = list[End]()
-    try:
-        with Ends() as ends, (given.output / 'ends.csv').open('w', newline='', encoding='utf-8') as file:
-            writer = csv.writer(file)
-            writer.writerow([field.name for field in fields(End)])
-            for one in ends.run(given.times):
-                ended.append(one)
-                writer.writerow(astuple(one))
-                file.flush()
-    except SourceError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 2
+    with Ends() as ends, (given.output / 'ends.csv').open('w', newline='', encoding='utf-8') as file:
+        writer = csv.writer(file)
+        writer.writerow([field.name for field in fields(End)])
+        for one in ends.run(given.times):
+            ended.append(one)
+            writer.writerow(astuple(one))
+            file.flush()
     for case in dict.fromkeys(one.case for one in ended):
         of_case = [one for one in ended if one.case == case]
         spent_s = max(one.cpu_s for one in of_case)

@@ -23,13 +23,13 @@ import cv2
 import numpy as np
 
 from motion_detect_ros.benchmarks.accuracy import read_changes
+from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.figures import make_figure, save
 from motion_detect_ros.benchmarks.generated import replace_section
 from motion_detect_ros.benchmarks.heat_map import HeatMap, heat_figure
 from motion_detect_ros.benchmarks.limits_flights import Cell, Found, fly
 from motion_detect_ros.cli.progress import track
 from motion_detect_ros.core.config import PipelineConfig
-from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.core.settings import with_settings
 from motion_detect_ros.core.types import DoubleArray
 from motion_detect_ros.presets import load_preset
@@ -133,6 +133,7 @@ def measure(config: PipelineConfig, sizes: Sequence[float], seeds: int, processe
     return [shares(grid, sizes, seeds, [found[cell] for cell in grid.cells(sizes, seeds)]) for grid in GRIDS]
 
 
+@reports_errors
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command; exit code 2 for wrong settings or a file that cannot be written."""
     parser = argparse.ArgumentParser(prog='limits', description='Recall over size, speed and camera motion.')
@@ -143,20 +144,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--picture', type=Path, metavar='FILE', help='draw the heat maps (needs the extra plots)')
     parser.add_argument('--write', type=Path, metavar='FILE', help='put the tables into this document, too')
     options = parser.parse_args(arguments)
-    try:
-        config = with_settings(load_preset(options.preset), read_changes(options.set))
-        if options.picture:
-            make_figure(1, 1)
-        recalls = measure(config, SIZES_PX, options.seeds, options.jobs)
-        lines = _report(recalls)
-        print('\n'.join(lines))
-        if options.picture:
-            draw(recalls, options.picture)
-        if options.write:
-            replace_section(options.write, f'{SECTION}, preset {options.preset}', lines)
-    except MotionDetectError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 2
+    config = with_settings(load_preset(options.preset), read_changes(options.set))
+    if options.picture:
+        make_figure(1, 1)
+    recalls = measure(config, SIZES_PX, options.seeds, options.jobs)
+    lines = _report(recalls)
+    print('\n'.join(lines))
+    if options.picture:
+        draw(recalls, options.picture)
+    if options.write:
+        replace_section(options.write, f'{SECTION}, preset {options.preset}', lines)
     return 0
 
 

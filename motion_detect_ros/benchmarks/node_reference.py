@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from motion_detect_ros.benchmarks.bench_nodes import NodeProcesses
+from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.generated import show
 from motion_detect_ros.benchmarks.node_interface import (
     QOS_PARAMETER,
@@ -24,7 +25,6 @@ from motion_detect_ros.benchmarks.node_interface import (
 from motion_detect_ros.benchmarks.security_policy import policy
 from motion_detect_ros.bridge.topics import FLOW_COLORS, MARKERS, OVERLAY
 from motion_detect_ros.cli.domains import own_domain
-from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.core.types import NANOSECONDS
 from motion_detect_ros.sources.bags import BagWriter
 
@@ -151,21 +151,18 @@ def _cell(text: str) -> str:
 TABLES = {'topics': topic_table, 'services': service_table, 'parameters': parameter_table}
 
 
+@reports_errors
 def main() -> int:
     """Exit code 2 where the nodes do not start or the document is not laid out for it."""
     parser = argparse.ArgumentParser(description='Topics, services and parameters of the running nodes.')
     parser.add_argument('--write', type=Path, metavar='FILE', help='put the tables into this document, too')
     parser.add_argument('--policy', type=Path, metavar='FILE', help='write the policy of SROS 2 to this file')
     options = parser.parse_args()
-    try:
-        found = read_nodes(own_domain())
-        for name, table in TABLES.items():
-            show(table(found), options.write, name)
-        if options.policy:
-            options.policy.write_text(policy(found), encoding='utf-8')
-    except MotionDetectError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 2
+    found = read_nodes(own_domain())
+    for name, table in TABLES.items():
+        show(table(found), options.write, name)
+    if options.policy:
+        options.policy.write_text(policy(found), encoding='utf-8')
     return 0
 
 

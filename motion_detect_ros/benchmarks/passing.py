@@ -20,8 +20,9 @@ import numpy as np
 from motion_detect_ros.benchmarks.ablation import PARTS, Part, available, run_task
 from motion_detect_ros.benchmarks.accuracy_clips import Clip, in_processes
 from motion_detect_ros.benchmarks.accuracy_record import Figures
+from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.generated import show
-from motion_detect_ros.core.errors import BackendError, MotionDetectError
+from motion_detect_ros.core.errors import BackendError
 from motion_detect_ros.sources.synthetic import FlightConfig, ObjectSpec, SyntheticFlight
 from motion_detect_ros.sources.truth import write_truth
 
@@ -68,6 +69,7 @@ def rows(speed_m_s: float, parts: Sequence[Part], processes: int) -> list[str]:
             f'| {one.recall:.2f} | {one.false_per_frame:.2f} |' for part, one in zip(parts, found, strict=True)]
 
 
+@reports_errors
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command."""
     parser = argparse.ArgumentParser(prog='passing', description='Boxes that pass each other, by way to cluster.')
@@ -76,16 +78,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     parts, missing = available([part for part in PARTS if part.name.startswith('ART2: ')])
     parts.insert(0, Part('ART2: ART2 as shipped', {}))
-    try:
-        lines = ['| speed, m/s | clustering | F1 at 0.3 | F1 at 0.5 | recall | false boxes a frame |',
-                 '|---|---|---|---|---|---|']
-        for speed_m_s in SPEEDS_M_S:
-            lines += rows(speed_m_s, parts, options.jobs)
-        lines += ['', *missing] if missing else []
-        show(lines, options.write, SECTION)
-    except MotionDetectError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 2
+    lines = ['| speed, m/s | clustering | F1 at 0.3 | F1 at 0.5 | recall | false boxes a frame |',
+             '|---|---|---|---|---|---|']
+    for speed_m_s in SPEEDS_M_S:
+        lines += rows(speed_m_s, parts, options.jobs)
+    lines += ['', *missing] if missing else []
+    show(lines, options.write, SECTION)
     return 0
 
 

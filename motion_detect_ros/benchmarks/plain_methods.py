@@ -25,9 +25,9 @@ import numpy as np
 from motion_detect_ros.benchmarks.accuracy import add_run_arguments
 from motion_detect_ros.benchmarks.accuracy_clips import IOUS, Clip, Job, in_processes, read_clips, run_clip
 from motion_detect_ros.benchmarks.clusterers import Clusterer, Labels, Parameters, sklearn_cluster
+from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.generated import show
 from motion_detect_ros.core.config import PreprocessingConfig
-from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.types import ByteArray, DoubleArray, FloatArray
 from motion_detect_ros.presets import load_preset
@@ -199,6 +199,7 @@ def table(rows: Sequence[ClipScores]) -> list[str]:
             *(_line(f'`{row.clip}`', row.columns) for row in rows), _line(f'mean of {len(rows)}', mean.tolist())]
 
 
+@reports_errors
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command; exit code 2 where clips or scikit-learn are missing."""
     parser = argparse.ArgumentParser(prog='plain_methods', description='Two plain methods and ours on all real clips.')
@@ -206,14 +207,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add_run_arguments(parser)
     parser.add_argument('--write', type=Path, metavar='FILE', help='put the table into this document, too')
     options = parser.parse_args(arguments)
-    try:
-        clips = read_clips(options.data, options.clips)
-        CLUSTERER.require()
-        lines = table(list(in_processes(score_clip, clips, options.jobs)))
-        show(lines, options.write, SECTION)
-    except MotionDetectError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 2
+    clips = read_clips(options.data, options.clips)
+    CLUSTERER.require()
+    lines = table(list(in_processes(score_clip, clips, options.jobs)))
+    show(lines, options.write, SECTION)
     return 0
 
 

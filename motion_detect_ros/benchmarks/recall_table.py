@@ -25,8 +25,8 @@ import numpy.typing as npt
 from motion_detect_ros.benchmarks.accuracy import add_run_arguments, read_changes
 from motion_detect_ros.benchmarks.accuracy_clips import ClipRun, Job, complete_clips, in_processes, results
 from motion_detect_ros.benchmarks.accuracy_pictures import verdicts
+from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.generated import show
-from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.core.geometry.bearings import PIXEL_CENTRE
 from motion_detect_ros.core.geometry.motion_chain import MotionChain
 from motion_detect_ros.core.geometry.warp import apply
@@ -124,6 +124,7 @@ def table(counts: RecallCounts) -> list[str]:
     return [*lines, '', f'Together {_share(hits, wanted)} boxes; {counts.left_out} without an earlier one left out.']
 
 
+@reports_errors
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command; exit code 2 where clips or settings are wrong."""
     parser = argparse.ArgumentParser(prog='recall_table', description='Recall on real clips by size and own speed.')
@@ -133,17 +134,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--each', action='store_true', help='a table for each clip, too')
     parser.add_argument('--write', type=Path, metavar='FILE', help='put the tables into this document, too')
     options = parser.parse_args(arguments)
-    try:
-        clips = complete_clips(options.data, options.clips)
-        changes = read_changes(options.set)
-        counts = list(in_processes(count_clip, [Job(clip, changes) for clip in clips], options.jobs))
-        lines = table(total(counts))
-        for clip, one in zip(clips, counts, strict=True) if options.each else ():
-            lines += ['', f'`{clip.name}`:', '', *table(one)]
-        show(lines, options.write, SECTION)
-    except MotionDetectError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 2
+    clips = complete_clips(options.data, options.clips)
+    changes = read_changes(options.set)
+    counts = list(in_processes(count_clip, [Job(clip, changes) for clip in clips], options.jobs))
+    lines = table(total(counts))
+    for clip, one in zip(clips, counts, strict=True) if options.each else ():
+        lines += ['', f'`{clip.name}`:', '', *table(one)]
+    show(lines, options.write, SECTION)
     return 0
 
 

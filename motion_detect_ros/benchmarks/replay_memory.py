@@ -21,7 +21,8 @@ from pathlib import Path
 import numpy as np
 
 from motion_detect_ros.benchmarks.bench_nodes import resident_mb
-from motion_detect_ros.core.errors import ConfigError, MotionDetectError, SourceError
+from motion_detect_ros.benchmarks.command import reports_errors
+from motion_detect_ros.core.errors import ConfigError, SourceError
 from motion_detect_ros.core.types import NANOSECONDS
 from motion_detect_ros.results.detection_bag import jpeg
 from motion_detect_ros.results.files import FRAMES_NAME
@@ -149,19 +150,16 @@ def measure(hours: float, folder: Path, more: Sequence[str], period: int = PERIO
     return judge(samples)
 
 
+@reports_errors
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line."""
     parser = argparse.ArgumentParser(prog='replay_memory', description=__doc__.partition('\n')[0])
     parser.add_argument('--hours', type=float, default=2.0, help='length of the recording')
     parser.add_argument('-o', '--output', type=Path, default=Path('out/memory'), help='folder of the samples')
     given, more = parser.parse_known_args(arguments)
-    try:
-        if not given.hours > 0.0:
-            raise ConfigError(f'--hours: expected over 0, got {given.hours:g}')
-        verdict = measure(given.hours, given.output, more)
-    except MotionDetectError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 2
+    if not given.hours > 0.0:
+        raise ConfigError(f'--hours: expected over 0, got {given.hours:g}')
+    verdict = measure(given.hours, given.output, more)
     print(f'highest {verdict.highest_mb:.1f} MB, growth {verdict.growth_mb:.1f} MB, '
           f'{verdict.growth_mb_per_hour:.2f} MB an hour of the recording')
     return 0 if verdict.flat else 1

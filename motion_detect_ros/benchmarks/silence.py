@@ -21,8 +21,8 @@ import numpy as np
 
 from motion_detect_ros.benchmarks.accuracy import read_changes
 from motion_detect_ros.benchmarks.accuracy_clips import in_processes
+from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.generated import show
-from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.settings import with_settings
 from motion_detect_ros.core.types import ByteArray
@@ -83,6 +83,7 @@ def _rained_on(image: ByteArray, random: np.random.Generator) -> ByteArray:
     return out
 
 
+@reports_errors
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command; exit code 2 for wrong settings."""
     parser = argparse.ArgumentParser(prog='silence', description='False boxes over flights in which nothing moves.')
@@ -93,18 +94,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--jobs', type=int, default=2, metavar='N', help='processes (default: 2)')
     parser.add_argument('--write', type=Path, metavar='FILE', help='put the table into this document, too')
     options = parser.parse_args(arguments)
-    try:
-        changes = read_changes(options.set)
-        flights = [Flight(preset, changes, seed, options.frames)
-                   for preset in options.preset for seed in range(1, options.seeds + 1)]
-        counts = in_processes(Flight.boxes, flights, options.jobs)
-        lines = ['| preset | seed | boxes in 100 frames |', '|---|---|---|',
-                 *(f'| {flight.preset} | {flight.seed} | {100.0 * count / flight.frames:.1f} |'
-                   for flight, count in zip(flights, counts, strict=True))]
-        show(lines, options.write, SECTION)
-    except MotionDetectError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 2
+    changes = read_changes(options.set)
+    flights = [Flight(preset, changes, seed, options.frames)
+               for preset in options.preset for seed in range(1, options.seeds + 1)]
+    counts = in_processes(Flight.boxes, flights, options.jobs)
+    lines = ['| preset | seed | boxes in 100 frames |', '|---|---|---|',
+             *(f'| {flight.preset} | {flight.seed} | {100.0 * count / flight.frames:.1f} |'
+               for flight, count in zip(flights, counts, strict=True))]
+    show(lines, options.write, SECTION)
     return 0
 
 

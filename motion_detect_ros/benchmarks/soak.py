@@ -29,9 +29,10 @@ from motion_detect_ros.benchmarks import soak_faults
 from motion_detect_ros.benchmarks.bench_nodes import NodeProcesses
 from motion_detect_ros.benchmarks.bench_timing import Timing
 from motion_detect_ros.benchmarks.bench_transport import GRAPHS, RATE_HZ, await_nodes, parameters, pictures
+from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.feeder import Feeder
 from motion_detect_ros.cli.domains import own_domain
-from motion_detect_ros.core.errors import ConfigError, MotionDetectError
+from motion_detect_ros.core.errors import ConfigError
 
 PERIOD_S = 10.0
 #: Memory after this share of the run is compared; before it, caches fill.
@@ -175,6 +176,7 @@ def _disturbed(given: argparse.Namespace) -> int:
     return 0 if verdict.steady else 1
 
 
+@reports_errors
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line."""
     parser = argparse.ArgumentParser(prog='soak', description=__doc__.partition('\n')[0])
@@ -192,9 +194,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if given.faults:
             return _disturbed(given)
         summary = soak(given.minutes, given.preset, given.rate, given.output)
-    except MotionDetectError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 2
     except KeyboardInterrupt:
         seen = given.output / soak_faults.SUMMARY_NAME
         print(f'interrupted; {f"{seen} holds what was seen" if seen.is_file() else "nothing was seen yet"}',

@@ -16,8 +16,8 @@ from pathlib import Path
 
 from motion_detect_ros.benchmarks.accuracy import add_run_arguments, read_changes
 from motion_detect_ros.benchmarks.accuracy_clips import ClipRun, Job, complete_clips, run_jobs
+from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.generated import show
-from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.results.identity import TrackScore, load_trackeval, score_tracks, sequence, table
 from motion_detect_ros.results.metrics import COUNTINGS, frame_count
 
@@ -31,6 +31,7 @@ def score_run(run: ClipRun, counting: str) -> TrackScore:
     return score_tracks(sequence(truth, run.detections, frames, COUNTINGS[counting]))
 
 
+@reports_errors
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command; exit code 2 where clips are wrong or TrackEval is missing."""
     parser = argparse.ArgumentParser(prog='tracking', description='HOTA, IDF1 and id switches on real clips.')
@@ -40,17 +41,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--all-objects', action='store_true', help='want every labelled object, moving or not')
     parser.add_argument('--write', type=Path, metavar='FILE', help='put the table into this document, too')
     options = parser.parse_args(arguments)
-    try:
-        load_trackeval()
-        clips = complete_clips(options.data, options.clips)
-        changes = read_changes(options.set)
-        counting = 'all' if options.all_objects else 'moving'
-        runs = run_jobs([Job(clip, changes) for clip in clips], options.jobs)
-        lines = table({run.clip.name: score_run(run, counting) for run in runs})
-        show(lines, options.write, SECTION)
-    except MotionDetectError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 2
+    load_trackeval()
+    clips = complete_clips(options.data, options.clips)
+    changes = read_changes(options.set)
+    counting = 'all' if options.all_objects else 'moving'
+    runs = run_jobs([Job(clip, changes) for clip in clips], options.jobs)
+    lines = table({run.clip.name: score_run(run, counting) for run in runs})
+    show(lines, options.write, SECTION)
     return 0
 
 
