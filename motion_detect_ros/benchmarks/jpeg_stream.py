@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import select
 import threading
 import time
 from collections.abc import Sequence
@@ -13,7 +14,7 @@ import cv2
 
 from motion_detect_ros.core.types import ByteArray
 
-#: How often a frozen stream looks whether it is cut, seconds.
+#: How often a frozen stream looks whether it is cut or nobody listens any more, seconds.
 POLL_S = 0.05
 _PART = b'--frame\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n%s\r\n'
 
@@ -28,6 +29,7 @@ class JpegStream:
         jpegs = [cv2.imencode('.jpg', image)[1].tobytes() for image in images]
         handler = self._handler([_PART % (len(jpeg), jpeg) for jpeg in jpegs], rate_hz)
         self._generation = 0
+        self._served = set[BaseHTTPRequestHandler]()
         self._frozen, self._refusing = threading.Event(), threading.Event()
         self._server = ThreadingHTTPServer(('127.0.0.1', 0), handler)
         self._server.daemon_threads = True
@@ -46,6 +48,11 @@ class JpegStream:
     def address(self) -> str:
         """What a camera node takes as ``source``."""
         return f'http://127.0.0.1:{self._server.server_port}/live.mjpg'
+
+    @property
+    def connections(self) -> int:
+        """How many are served, or frozen."""
+        return len(self._served)
 
     def cut(self) -> None:
         """End all connections; new ones are served."""
@@ -77,16 +84,20 @@ class JpegStream:
                 self.send_response(200)
                 self.send_header('Content-Type', 'multipart/x-mixed-replace; boundary=frame')
                 self.end_headers()
+                stream._served.add(self)
                 try:
                     for part in itertools.cycle(parts):
                         if stream._generation != generation:
                             return
                         while stream._frozen.is_set() and stream._generation == generation:
-                            time.sleep(POLL_S)
+                            if select.select([self.connection], [], [], POLL_S)[0]:  # the other side has hung up
+                                return
                         self.wfile.write(part)
                         time.sleep(1.0 / rate_hz)
                 except OSError:
                     return
+                finally:
+                    stream._served.discard(self)
 
             def log_message(self, *_: Any) -> None:
                 return

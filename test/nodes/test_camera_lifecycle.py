@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
-import cv2
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import State, Transition
@@ -15,35 +11,13 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from peers import picture
 from sensor_msgs.msg import Image
 
-
-class Stream(BaseHTTPRequestHandler):
-    """MJPEG without end; the server counts who is connected."""
-
-    def do_GET(self) -> None:
-        self.send_response(200)
-        self.send_header('Content-Type', 'multipart/x-mixed-replace; boundary=frame')
-        self.end_headers()
-        data = cv2.imencode('.jpg', picture(0))[1].tobytes()
-        self.server.connections += 1
-        try:
-            while True:
-                self.wfile.write(b'--frame\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n' % len(data))
-                self.wfile.write(data + b'\r\n')
-                time.sleep(0.02)
-        except OSError:
-            self.server.connections -= 1
-
-    def log_message(self, *_: object) -> None:
-        pass
+from motion_detect_ros.benchmarks.jpeg_stream import JpegStream
 
 
 @pytest.fixture
-def stream() -> Iterator[ThreadingHTTPServer]:
-    with ThreadingHTTPServer(('127.0.0.1', 0), Stream) as server:
-        server.daemon_threads, server.connections = True, 0
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield server
-        server.shutdown()
+def stream() -> Iterator[JpegStream]:
+    with JpegStream([picture(0)], rate_hz=50.0) as camera:
+        yield camera
 
 
 def change(peer, transition: int) -> bool:
@@ -56,8 +30,7 @@ def state(peer) -> int:
 
 def test_the_device_is_open_while_the_node_is_active(peer, start, stream):
     images = peer.subscribe(Image, 'image_raw')
-    address = f'http://127.0.0.1:{stream.server_port}/stream.mjpg'
-    start('camera', '-p', 'autostart:=false', '-p', f'source:={address}')
+    start('camera', '-p', 'autostart:=false', '-p', f'source:={stream.address}')
     assert change(peer, Transition.TRANSITION_CONFIGURE)
     assert stream.connections == 0
     for _ in range(2):

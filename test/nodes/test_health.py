@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import cv2
 import numpy as np
@@ -14,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from peers import TIMEOUT_S, Peer, image_message, lossless, picture, ready, small
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 
+from motion_detect_ros.benchmarks.jpeg_stream import JpegStream
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.sources.bags import BagWriter
 
@@ -139,44 +137,26 @@ def test_inactive_node_is_fine(peer, start):
     assert Health(peer).next() == [(OK, 'inactive')]
 
 
-class Stalling(BaseHTTPRequestHandler):
-    """An MJPEG stream that stalls after 40 pictures, then ends and can be asked again."""
-
-    def do_GET(self) -> None:
-        self.send_response(200)
-        self.send_header('Content-Type', 'multipart/x-mixed-replace; boundary=frame')
-        self.end_headers()
-        for index in range(40):
-            _, data = cv2.imencode('.jpg', picture(index))
-            self.wfile.write(b'--frame\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n' % data.size)
-            self.wfile.write(data.tobytes() + b'\r\n')
-            time.sleep(0.03)
-        time.sleep(3.5)
-
-    def log_message(self, *_: object) -> None:
-        pass
-
-
 @pytest.fixture
-def stream() -> Iterator[str]:
-    with ThreadingHTTPServer(('127.0.0.1', 0), Stalling) as server:
-        server.daemon_threads = True
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f'http://127.0.0.1:{server.server_port}/stream.mjpg'
-        server.shutdown()
+def stream() -> Iterator[JpegStream]:
+    with JpegStream([picture(index) for index in range(40)], rate_hz=30.0) as camera:
+        yield camera
 
 
 def test_camera_whose_stream_stalls_is_in_error_until_it_is_back(peer, start, stream, tmp_path):
-    health = Health(peer)
-    start('camera', '-p', f'source:={stream}')
+    health, address = Health(peer), stream.address
+    start('camera', '-p', f'source:={address}')
     assert health.reported(OK, 'Hz')
+    stream.freeze()
     assert health.reported(ERROR, 'nothing received for')
+    stream.cut()
+    stream.flow()
     assert peer.until(lambda: int(health.values()['reconnects']) > 0)
     seen = len(health.reports)
     assert peer.until(lambda: OK in [level for level, _ in health.reports[seen:]])
     printed = (tmp_path / 'camera.log').read_text()
     opened, lost, back = (printed.index(words) for words in (
-        f'opened {stream}', f'{stream}: nothing received for', f'{stream}: pictures come again'))
+        f'opened {address}', f'{address}: nothing received for', f'{address}: pictures come again'))
     assert opened < lost < back
 
 

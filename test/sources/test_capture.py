@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import threading
 import time
 from collections.abc import Callable, Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from motion_detect_ros.benchmarks.jpeg_stream import JpegStream
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.sources.capture import Capture
 from motion_detect_ros.sources.live import LiveFrames
@@ -118,39 +117,22 @@ def test_senseless_selection_is_refused(pictures: str, selection: dict[str, int]
         Capture(pictures, **selection)
 
 
-class MjpegHandler(BaseHTTPRequestHandler):
-    """Serves ten pictures, then hangs up."""
-
-    def do_GET(self) -> None:
-        self.send_response(200)
-        self.send_header('Content-Type', 'multipart/x-mixed-replace; boundary=frame')
-        self.end_headers()
-        jpeg = cv2.imencode('.jpg', np.full((48, 64, 3), 128, np.uint8))[1].tobytes()
-        for _ in range(10):
-            self.wfile.write(b'--frame\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n' % len(jpeg))
-            self.wfile.write(jpeg + b'\r\n')
-            time.sleep(0.02)
-
-    def log_message(self, format: str, *args: object) -> None:
-        """Keep quiet."""
-
-
 @pytest.fixture
-def stream() -> Iterator[str]:
-    with ThreadingHTTPServer(('127.0.0.1', 0), MjpegHandler) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f'http://127.0.0.1:{server.server_port}/stream.mjpg'
-        server.shutdown()
+def stream() -> Iterator[JpegStream]:
+    with JpegStream([np.full((48, 64, 3), 128, np.uint8)], rate_hz=50.0) as camera:
+        yield camera
 
 
-def test_a_stream_that_breaks_is_opened_again(stream: str) -> None:
+def test_a_stream_that_breaks_is_opened_again(stream: JpegStream) -> None:
     before = time.time_ns()
-    with Capture(stream) as capture:
+    with Capture(stream.address) as capture:
         frames = []
         deadline = time.monotonic() + TIMEOUT_S
         while capture.stats.reconnects < 2 and time.monotonic() < deadline:
             if (frame := capture.read(0.5)) is not None:
                 frames.append(frame)
+                if len(frames) % 10 == 0:
+                    stream.cut()
         reconnects = capture.stats.reconnects
     assert reconnects >= 2
     assert len(frames) > 10
@@ -159,57 +141,36 @@ def test_a_stream_that_breaks_is_opened_again(stream: str) -> None:
     assert stamps == sorted(set(stamps))
 
 
-class StallingHandler(MjpegHandler):
-    """Serves ten pictures, then sends nothing more until the other side hangs up."""
-
-    def do_GET(self) -> None:
-        super().do_GET()
-        self.server.stalled.set()
-        with contextlib.suppress(ConnectionResetError):  # where it had not taken all pictures
-            while self.connection.recv(4096):
-                pass
-        self.server.left.set()
-
-
-@pytest.fixture
-def stalling() -> Iterator[ThreadingHTTPServer]:
-    """``stalled``: no picture will come any more; ``left``: the client has closed the connection."""
-    with ThreadingHTTPServer(('127.0.0.1', 0), StallingHandler) as server:
-        server.daemon_threads = True
-        server.stalled, server.left = threading.Event(), threading.Event()
-        server.url = f'http://127.0.0.1:{server.server_port}/stream.mjpg'
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield server
-        server.shutdown()
-
-
 def readers() -> list[str]:
     return [thread.name for thread in threading.enumerate() if thread.name == 'capture']
 
 
-def test_closing_a_stalled_stream_lets_go_of_it(stalling: ThreadingHTTPServer) -> None:
-    with Capture(stalling.url) as capture:
-        while not stalling.stalled.is_set():
-            capture.read(1.0)
+def test_closing_a_stalled_stream_lets_go_of_it(stream: JpegStream) -> None:
+    with Capture(stream.address) as capture:
+        assert capture.read(TIMEOUT_S) is not None
+        stream.freeze()
+        while capture.read(1.0) is not None:
+            pass
     assert readers() == []
     assert not capture.blocked
-    assert stalling.left.wait(TIMEOUT_S)
+    until(lambda: stream.connections == 0)
 
 
-def test_closing_a_stream_that_was_never_read_lets_go_of_it(stalling: ThreadingHTTPServer) -> None:
-    capture = Capture(stalling.url)
-    assert stalling.stalled.wait(TIMEOUT_S)
+def test_closing_a_stream_that_was_never_read_lets_go_of_it(stream: JpegStream) -> None:
+    capture = Capture(stream.address)
+    stream.freeze()
+    assert stream.connections == 1
     capture.close()
     assert not capture.blocked
-    assert stalling.left.wait(TIMEOUT_S)
+    until(lambda: stream.connections == 0)
 
 
 def test_nobody_is_asked_why_a_camera_does_not_open_after_the_stop(
-    stalling: ThreadingHTTPServer, monkeypatch: pytest.MonkeyPatch,
+    stream: JpegStream, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The stop comes while the stream is being opened again, which fails."""
     asked = list[str]()
-    frames = LiveFrames(stalling.url)
+    frames = LiveFrames(stream.address)
 
     def black_hole() -> None:
         frames.stop()
