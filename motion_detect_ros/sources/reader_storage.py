@@ -1,0 +1,66 @@
+"""What the package rosbags reads, of ROS 1 or of ROS 2, as ``BagStorage``."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.sources.raw import RawMessage, TopicInfo, one_line
+
+if TYPE_CHECKING:
+    from rosbags import rosbag1, rosbag2
+
+
+class ReaderStorage(ABC):
+    """A bag in the hands of a reader of rosbags, with what is the same for all formats.
+
+    ``errors``: what the reader raises on bytes that are not what they should be; ``refusal``: what is said of a file
+    that cannot be opened, with ``{}`` for the error.
+    """
+
+    errors: ClassVar[tuple[type[Exception], ...]]
+    refusal: ClassVar[str]
+
+    def __init__(self, path: Path, reader: rosbag1.Reader | rosbag2.Reader) -> None:
+        """Opens the reader. Raises: SourceError where it cannot."""
+        self._path, self._reader = path, reader
+        self.damaged: str | None = None
+        try:
+            reader.open()
+        except self.errors as error:
+            if not self._of_content(error, opening=True):
+                raise
+            raise SourceError(f'{path}: {self.refusal.format(one_line(error))}') from None
+
+    @property
+    @abstractmethod
+    def topics(self) -> tuple[TopicInfo, ...]:
+        """Topics with counts from the bag's own index."""
+
+    def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
+        """Messages in order of time; where the file breaks, ``damaged`` says so and the rest is left out."""
+        wanted = [c for c in self._reader.connections if topics is None or c.topic in topics]
+        if not wanted:
+            return
+        try:
+            for connection, stamp_ns, data in self._reader.messages(wanted):
+                yield RawMessage(connection.topic, connection.msgtype, stamp_ns, self._cdr(data, connection.msgtype))
+        except self.errors as error:
+            if not self._of_content(error, opening=False):
+                raise
+            self.damaged = f'{self._path.name}: unreadable from some message on ({one_line(error)})'
+
+    def close(self) -> None:
+        """Close the file."""
+        self._reader.close()
+
+    def _cdr(self, data: bytes, msgtype: str) -> bytes:
+        """A message as ROS 2 has it."""
+        return bytes(data)
+
+    def _of_content(self, error: Exception, opening: bool) -> bool:
+        """Whether one of ``errors`` speaks of what the file holds; else of the medium it is on, and is passed on."""
+        return True
