@@ -15,7 +15,21 @@ from motion_detect_ros.results.formats import DEFAULT_FORMATS, FORMATS
 from motion_detect_ros.results.rows import FRAMES_HEADER, TIMES_HEADER, frames_row, times_row
 
 
-class DetectionOutputs:
+class _Outputs:
+    """Files under construction that are finished together, ``_files``; use as a context manager."""
+
+    _files: ExitStack
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None,
+    ) -> None:
+        self._files.__exit__(kind, error, trace)
+
+
+class DetectionOutputs(_Outputs):
     """The detections of one replay in every wanted format; use as a context manager.
 
     Each file is written as ``.part`` and renamed when complete; left by an exception, the parts stay as they are,
@@ -36,16 +50,8 @@ class DetectionOutputs:
         for writer in self._writers:
             writer.write(found)
 
-    def __enter__(self) -> Self:
-        return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None,
-    ) -> None:
-        self._files.__exit__(kind, error, trace)
-
-
-class ReplayOutputs:
+class ReplayOutputs(_Outputs):
     """The detections, frames.csv and times.csv of one replay in process; use as a context manager, as those."""
 
     def __init__(self, folder: Path, source: str, formats: Sequence[str] = DEFAULT_FORMATS) -> None:
@@ -64,11 +70,3 @@ class ReplayOutputs:
         self._detections.write(FrameDetections(frame, result.stamp_ns, result.detections, size, image))
         self._frames.add(frames_row(frame, result))
         self._times.add(times_row(frame, decode_ms, result))
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None,
-    ) -> None:
-        self._files.__exit__(kind, error, trace)
