@@ -6,8 +6,9 @@ The next step that the published report names. All of it is off by default; what
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from motion_detect_ros.core.forgetting import kept
 from motion_detect_ros.core.settings import setting
@@ -16,6 +17,8 @@ from motion_detect_ros.core.settings import setting
 MEMORY_S = 2.0
 #: A followed setting stays within this factor of what the user set, either way.
 REACH = 4.0
+
+Config = TypeVar('Config')
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,39 @@ class Follower:
             return
         remembered = 0.0 if self._log is None else kept(dt_s, MEMORY_S)
         self._log = remembered * (self._log or 0.0) + (1.0 - remembered) * math.log(value)
+
+
+class FollowingSettings(ABC, Generic[Config]):
+    """Settings that may follow a value of the scene; ``config``: those of the moment."""
+
+    def __init__(self, given: Config, follows: bool) -> None:
+        """follows: else they stay as given."""
+        self._follows = follows
+        self._follower = Follower()
+        self.use_config(given)
+
+    def use_config(self, given: Config) -> None:
+        """Other settings around which they move; what was seen of the scene stays."""
+        self._given = given
+        self._update()
+
+    def reset(self) -> None:
+        """The settings as given."""
+        self._follower.reset()
+        self._update()
+
+    def _take(self, value: float, dt_s: float) -> None:
+        """Follow one frame's value. dt_s: since the frame before."""
+        self._follower.follow(value, dt_s)
+        self._update()
+
+    def _update(self) -> None:
+        usual = self._follower.value
+        self.config = self._given if usual is None else self._moved(self._given, usual)
+
+    @abstractmethod
+    def _moved(self, given: Config, usual: float) -> Config:
+        """The settings where the value of the last seconds is ``usual``."""
 
 
 def within_reach(config: Any, name: str, wanted: float) -> float:

@@ -9,37 +9,22 @@ from __future__ import annotations
 from dataclasses import replace
 
 from motion_detect_ros.core.config import BackgroundConfig
-from motion_detect_ros.core.self_tuning import Follower, SelfTuningConfig, within_reach
+from motion_detect_ros.core.self_tuning import FollowingSettings, SelfTuningConfig, within_reach
 
 #: Floor over the usual noise: the default floor, 0.2 px, over the median noise of the clips of docs/accuracy.md.
 FLOOR_OVER_NOISE = 1.6
 
 
-class NoiseFloor:
+class NoiseFloor(FollowingSettings[BackgroundConfig]):
     """The background's settings with the floor of the moment."""
 
     def __init__(self, given: BackgroundConfig, tuning: SelfTuningConfig) -> None:
-        self._follows = tuning.noise_floor
-        self._noise = Follower()
-        self.use_config(given)
-
-    def use_config(self, given: BackgroundConfig) -> None:
-        """Other settings around which it moves; the measured noise stays."""
-        self._given = given
-        self._update()
-
-    def reset(self) -> None:
-        """The settings as given."""
-        self._noise.reset()
-        self._update()
+        super().__init__(given, tuning.noise_floor)
 
     def follow(self, spread_px: float, dt_s: float) -> None:
         """Take one frame's noise, one deviation, pixels. dt_s: since the frame before."""
         if self._follows:
-            self._noise.follow(spread_px, dt_s)
-            self._update()
+            self._take(spread_px, dt_s)
 
-    def _update(self) -> None:
-        usual, given = self._noise.value, self._given
-        self.config = given if usual is None else replace(
-            given, noise_floor_px=within_reach(given, 'noise_floor_px', FLOOR_OVER_NOISE * usual))
+    def _moved(self, given: BackgroundConfig, usual: float) -> BackgroundConfig:
+        return replace(given, noise_floor_px=within_reach(given, 'noise_floor_px', FLOOR_OVER_NOISE * usual))

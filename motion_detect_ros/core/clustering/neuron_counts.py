@@ -9,7 +9,7 @@ import numpy as np
 
 from motion_detect_ros.core.clustering.art2_network import LabelArray
 from motion_detect_ros.core.config import Art2Config
-from motion_detect_ros.core.self_tuning import Follower, SelfTuningConfig, within_reach
+from motion_detect_ros.core.self_tuning import FollowingSettings, SelfTuningConfig, within_reach
 
 #: Initial neurons over those in use, so that there is room for one motion in two that is new.
 ROOM = 1.5
@@ -17,23 +17,11 @@ ROOM = 1.5
 GROWTH = 5.0 / 3.0
 
 
-class NeuronCounts:
+class NeuronCounts(FollowingSettings[Art2Config]):
     """ART2's settings with the numbers of the moment."""
 
     def __init__(self, given: Art2Config, tuning: SelfTuningConfig) -> None:
-        self._follows = tuning.neurons
-        self._used = Follower()
-        self.use_config(given)
-
-    def use_config(self, given: Art2Config) -> None:
-        """Other settings around which they move; the numbers seen stay."""
-        self._given = given
-        self._update()
-
-    def reset(self) -> None:
-        """The settings as given."""
-        self._used.reset()
-        self._update()
+        super().__init__(given, tuning.neurons)
 
     def follow(self, labels: LabelArray, dt_s: float) -> None:
         """Take one frame's labels: how many neurons won something, the background's included.
@@ -41,14 +29,9 @@ class NeuronCounts:
         labels: as ``Art2Network.partial_fit`` returns them, any shape; dt_s: since the frame before.
         """
         if self._follows:
-            self._used.follow(int(np.count_nonzero(np.bincount(labels[labels >= 0]))), dt_s)
-            self._update()
+            self._take(int(np.count_nonzero(np.bincount(labels[labels >= 0]))), dt_s)
 
-    def _update(self) -> None:
-        usual, given = self._used.value, self._given
-        if usual is None:
-            self.config = given
-            return
+    def _moved(self, given: Art2Config, usual: float) -> Art2Config:
         initial = math.ceil(within_reach(given, 'initial_neurons', ROOM * usual))
         most = math.ceil(within_reach(given, 'max_neurons', GROWTH * initial))
-        self.config = replace(given, initial_neurons=min(initial, most), max_neurons=most)
+        return replace(given, initial_neurons=min(initial, most), max_neurons=most)
