@@ -8,8 +8,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from bag_contents import contents
 from mcap.reader import make_reader
-from rosbags.highlevel import AnyReader
 
 from motion_detect_ros.__main__ import main
 from motion_detect_ros.cli.convert import convert
@@ -19,15 +19,6 @@ from motion_detect_ros.sources.truth import read_truth
 
 DRIVE = 'kitti/2011_09_26/2011_09_26_drive_0005_sync'
 P_RECT_02 = [721.5377, 0, 609.5593, 44.85728, 0, 721.5377, 172.854, 0.2163791, 0, 0, 1, 0.002745884]
-
-
-def contents(bag: Path) -> dict[str, list[tuple[int, object]]]:
-    """(log time, message) by topic, as rosbags reads them."""
-    read: dict[str, list[tuple[int, object]]] = {}
-    with AnyReader([bag]) as reader:
-        for connection, stamp, data in reader.messages():
-            read.setdefault(connection.topic, []).append((stamp, reader.deserialize(data, connection.msgtype)))
-    return read
 
 
 def header_stamp(message: object) -> int:

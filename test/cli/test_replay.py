@@ -12,8 +12,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from bag_contents import contents
 from mcap.reader import make_reader
-from rosbags.highlevel import AnyReader
 
 from motion_detect_ros.__main__ import main
 from motion_detect_ros.cli.batch.jobs import Job
@@ -66,9 +66,7 @@ def test_two_runs_are_byte_identical(bag: Path, replayed: Path, tmp_path: Path) 
 def test_csv_and_bag_hold_what_the_pipeline_finds(replayed: Path) -> None:
     pipeline = MotionPipeline(PipelineConfig())
     expected = [pipeline.process(scene(index), 10**9 + index * 40_000_000).detections for index in range(FRAMES)]
-    with AnyReader([replayed / 'detections.mcap']) as reader:
-        read = [(stamp, reader.deserialize(data, c.msgtype)) for c, stamp, data in reader.messages()
-                if c.topic == '/detections']
+    read = contents(replayed / 'detections.mcap')['/detections']
     assert [stamp for stamp, _ in read] == [10**9 + index * 40_000_000 for index in range(FRAMES)]
     clouds = [np.frombuffer(cloud.data.tobytes(), DETECTION_DTYPE) for _, cloud in read]
     assert [cloud.tobytes() for cloud in clouds] == [records.tobytes() for records in expected]

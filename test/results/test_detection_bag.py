@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from bag_contents import contents
 from mcap.reader import make_reader
 from result_samples import FOUND, UNKNOWN, interrupted, write
-from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from motion_detect_ros.core.drawing import color_of
@@ -18,15 +17,6 @@ from motion_detect_ros.core.types import DETECTION_DTYPE
 from motion_detect_ros.results.detection_bag import jpeg
 from motion_detect_ros.results.detection_writer import FrameDetections
 from motion_detect_ros.sources.images import decode_image
-
-
-def read(path: Path) -> dict[str, list[tuple[int, Any]]]:
-    """Messages by topic as (stamp, message); rosbags learns types from the file."""
-    found: dict[str, list[tuple[int, Any]]] = {}
-    with AnyReader([path]) as reader:
-        for connection, stamp_ns, data in reader.messages():
-            found.setdefault(connection.topic, []).append((stamp_ns, reader.deserialize(data, connection.msgtype)))
-    return found
 
 
 def test_rosbags_knows_none_of_these_types_by_itself() -> None:
@@ -37,7 +27,7 @@ def test_rosbags_knows_none_of_these_types_by_itself() -> None:
 
 def test_boxes_are_read_by_the_definition_in_the_file(tmp_path: Path) -> None:
     write(tmp_path, 'mcap')
-    boxes = read(tmp_path / 'detections.mcap')['/detections_2d']
+    boxes = contents(tmp_path / 'detections.mcap')['/detections_2d']
     assert [stamp for stamp, _ in boxes] == [found.stamp_ns for found in FOUND]
     assert [len(message.detections) for _, message in boxes] == [1, 2, 0]
     stamp_ns, message = boxes[1]
@@ -55,7 +45,7 @@ def test_boxes_are_read_by_the_definition_in_the_file(tmp_path: Path) -> None:
 def test_annotations_are_read_by_the_definition_in_the_file(tmp_path: Path) -> None:
     """A closed line around the box from its left top corner on, in the colour of its track, and its id."""
     write(tmp_path, 'mcap', found=[FOUND[1], UNKNOWN])
-    (stamp_ns, message), (_, unknown) = read(tmp_path / 'detections.mcap')['/annotations']
+    (stamp_ns, message), (_, unknown) = contents(tmp_path / 'detections.mcap')['/annotations']
     outline, text = message.points[1], message.texts[1]
     assert [(point.x, point.y) for point in outline.points] == [(284, 192), (316, 192), (316, 208.5), (284, 208.5)]
     assert (outline.type, outline.thickness, outline.fill_color.a) == (outline.LINE_LOOP, 1.0, 0.0)
@@ -69,7 +59,7 @@ def test_annotations_are_read_by_the_definition_in_the_file(tmp_path: Path) -> N
 
 def test_records_are_the_same_as_in_the_topic(tmp_path: Path) -> None:
     write(tmp_path, 'mcap')
-    clouds = read(tmp_path / 'detections.mcap')['/detections']
+    clouds = contents(tmp_path / 'detections.mcap')['/detections']
     assert [np.frombuffer(cloud.data.tobytes(), DETECTION_DTYPE).tobytes() for _, cloud in clouds] == [
         found.records.tobytes() for found in FOUND]
 
@@ -97,7 +87,7 @@ def test_pictures_carry_their_boxes(tmp_path: Path) -> None:
     grey = np.full((480, 640), 100, np.uint8)
     found = [FrameDetections(each.frame, each.stamp_ns, each.records, each.size, grey) for each in FOUND]
     write(tmp_path, 'mcap', found=found)
-    pictures = read(tmp_path / 'detections.mcap')['/overlay/overlay/compressed']
+    pictures = contents(tmp_path / 'detections.mcap')['/overlay/overlay/compressed']
     assert [(stamp, message.format) for stamp, message in pictures] == [(each.stamp_ns, 'jpeg') for each in FOUND]
     drawn = [decode_image(message.data.tobytes(), 'picture').astype(int) for _, message in pictures]
     assert [picture.shape for picture in drawn] == [(480, 640, 3)] * 3
@@ -109,7 +99,7 @@ def test_pictures_carry_their_boxes(tmp_path: Path) -> None:
 
 def test_without_pictures_there_is_no_topic_for_them(tmp_path: Path) -> None:
     write(tmp_path, 'mcap')
-    assert sorted(read(tmp_path / 'detections.mcap')) == ['/annotations', '/detections', '/detections_2d']
+    assert sorted(contents(tmp_path / 'detections.mcap')) == ['/annotations', '/detections', '/detections_2d']
 
 
 def test_jpeg_keeps_the_picture() -> None:
