@@ -4,40 +4,53 @@ from __future__ import annotations
 
 from typing import Any
 
+from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.core.types import CameraModel
 from motion_detect_ros.sources.camera_info import camera_of
 
 #: Sizes that a driver rounds otherwise when it bins pixels, pixels.
 SIZE_TOLERANCE_PX = 1
 NONE, USED = 'none', 'used'
+UNCALIBRATED = 'refused (camera_info holds no calibration: expected focal lengths of 1 px or more)'
+#: How many camera_info are kept for images that are processed later than they come.
+KEPT = 100
 #: Images that are waited for a first camera_info before its absence is worth a warning.
 PATIENCE = 20
 
 
 class Calibration:
-    """The latest camera_info. The executor notes it; the stage asks for it before an image."""
+    """The latest camera_info. The executor notes them; the stage asks for one before an image.
+
+    The one with the stamp of the image counts where it has come, else the latest: of a lens that zooms each image has
+    its own.
+    """
 
     def __init__(self, rectified: bool) -> None:
         """rectified: as for ``camera_of``."""
         self._rectified = rectified
         self._camera: CameraModel | None = None
+        self._cameras: dict[int, CameraModel | None] = {}
         self.state = self._told = NONE
         self._images = 0
 
     def note(self, info: Any) -> None:
         """A message has come; one without a calibration takes the place of the earlier one too."""
-        self._camera = camera_of(info, self._rectified)
+        self._camera = self._cameras[stamp_ns(info.header)] = camera_of(info, self._rectified)
+        if len(self._cameras) > KEPT:
+            del self._cameras[next(iter(self._cameras))]
         if self._camera is None:
-            self.state = 'refused (camera_info holds no calibration: expected focal lengths of 1 px or more)'
+            self.state = UNCALIBRATED
 
-    def for_image(self, width: int, height: int) -> CameraModel | None:
-        """The calibration of images of this size, pixels; None where there is none, ``state`` says why.
+    def for_image(self, image_stamp_ns: int, width: int, height: int) -> CameraModel | None:
+        """The calibration of an image of this size, pixels; None where there is none, ``state`` says why.
 
         A camera_info of another size belongs to other images. One without a size is taken to be of this one.
         """
         self._images += 1
-        camera = self._camera
+        camera = self._cameras.get(image_stamp_ns, self._camera)
         if camera is None:
+            if self._cameras:
+                self.state = UNCALIBRATED
             return None
         sizes = (camera.width, camera.height)
         if any(sizes) and max(abs(sizes[0] - width), abs(sizes[1] - height)) > SIZE_TOLERANCE_PX:

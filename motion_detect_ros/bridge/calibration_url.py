@@ -22,9 +22,10 @@ def calibration_at(url: str) -> CalibrationFile:
         raise SourceError(f'camera_info_url: expected {FILE} or {PACKAGE}, got {url!r}')
     package, _, rest = url.removeprefix(PACKAGE).partition('/')
     try:
-        return read_calibration(Path(get_package_share_directory(package)) / rest)
-    except (PackageNotFoundError, ValueError):
+        share = Path(get_package_share_directory(package))
+    except (PackageNotFoundError, ValueError, OSError):  # OSError: there is no AMENT_PREFIX_PATH
         raise SourceError(f'camera_info_url: expected an installed package, got {package!r}') from None
+    return read_calibration(share / rest)
 
 
 def calibration_to_msg(calibration: CalibrationFile, header: Header) -> CameraInfo:

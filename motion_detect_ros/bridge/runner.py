@@ -30,6 +30,8 @@ FORCED, WRONG_USE = 1, 2
 ENDING_TIMEOUT_S = 20.0
 #: Ctrl-C on ros2 launch sends two: the terminal's to the whole process group, and launch's own.
 PATIENT_SIGNALS = 2
+#: The module whose functions LLVM calls, and when to try again where a signal has found one of them, seconds.
+CALLED_BACK, RETRY_S = 'llvmlite/binding/executionengine.py', 0.02
 
 
 class Stopped(BaseException):
@@ -49,12 +51,20 @@ class StopRequest:
         self.armed = False
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._note)
+        signal.signal(signal.SIGALRM, self._interrupt)
 
-    def _note(self, _number: int, _frame: FrameType | None) -> None:
+    def _note(self, number: int, frame: FrameType | None) -> None:
         self._count += 1
         if self._count > PATIENT_SIGNALS:
             os._exit(FORCED)
-        if self.armed and (self.node is None or self.node.opening):
+        self._interrupt(number, frame)
+
+    def _interrupt(self, _number: int, frame: FrameType | None) -> None:
+        if not self.armed or not (self.node is None or self.node.opening):
+            return
+        if _in_callback(frame):
+            signal.setitimer(signal.ITIMER_REAL, RETRY_S)
+        else:
             self.armed = False
             raise Stopped
 
@@ -62,6 +72,15 @@ class StopRequest:
     def made(self) -> bool:
         """Whether there was a signal."""
         return self._count > 0
+
+
+def _in_callback(frame: FrameType | None) -> bool:
+    """Whether LLVM's compiler has called Python in that frame or above it: what is raised there is printed and lost."""
+    while frame is not None:
+        if frame.f_code.co_filename.endswith(CALLED_BACK):
+            return True
+        frame = frame.f_back
+    return False
 
 
 def run(make_node: Callable[[], ManagedNode]) -> int:

@@ -234,7 +234,7 @@ class StageNode(ManagedNode):
         try:
             with self._busy:
                 values = self._values(messages)
-                self._update_camera(*values[0].shape[1::-1])
+                self._update_camera(stamp_ns(messages[0].header), *values[0].shape[1::-1])
                 if self._gyro:
                     self._gyro.feed(stamp_ns(messages[0].header))
                 unused = self.work(messages[0].header, *values)
@@ -271,8 +271,8 @@ class StageNode(ManagedNode):
         # Only noted here: the stage takes it before the next image, the executor must not wait for the stage.
         self._calibration.note(msg)
 
-    def _update_camera(self, width: int, height: int) -> None:
-        camera = self._calibration.for_image(width, height)
+    def _update_camera(self, image_stamp_ns: int, width: int, height: int) -> None:
+        camera = self._calibration.for_image(image_stamp_ns, width, height)
         if camera != self._camera_in_use:
             self._camera_in_use = camera
             self.use_camera(camera)

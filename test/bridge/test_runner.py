@@ -206,13 +206,44 @@ def test_a_plain_node_s_own_error_is_told():
     assert 'ZeroDivisionError' in ended.stderr
 
 
+#: A node that takes long to make, and gets SIGTERM while the compiler calls back, as it does for every kernel.
+COMPILING_NODE = """
+import ctypes, signal, sys, time
+from motion_detect_ros.bridge import runner
+
+called = {}
+source = 'def notify():\\n    signal.raise_signal(signal.SIGTERM)\\n    for _ in range(1000): pass\\n'
+exec(compile(source, '/lib/llvmlite/binding/executionengine.py', 'exec'), {'signal': signal}, called)
+
+def make():
+    ctypes.CFUNCTYPE(None)(called['notify'])()
+    print('compiled on', flush=True)
+    time.sleep(60.0)
+
+runner.main_of(make)()
+"""
+
+
+@pytest.mark.timeout(120)
+def test_a_signal_that_finds_the_compiler_calling_back_counts_after_it():
+    started = time.monotonic()
+    process = subprocess.Popen(
+        [sys.executable, '-c', COMPILING_NODE], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'})
+    await_line(process, 'compiled on')
+    assert end_of(process) == (0, '')
+    assert time.monotonic() - started < 50.0, 'not only after the whole time'
+
+
 def test_a_context_that_a_signal_ends_at_the_same_moment_is_ended(monkeypatch: pytest.MonkeyPatch):
     """rclpy looks whether it is ended, and ends it: in between its own thread for signals may."""
-    def late() -> None:
+    def late(self: Context) -> None:
         for _ in range(2):
-            rclpy.get_default_context().handle.shutdown()
+            self.handle.shutdown()
 
     rclpy.init(domain_id=own_domain())
-    monkeypatch.setattr(rclpy, 'try_shutdown', late)
-    end_context()
+    with monkeypatch.context() as patch:
+        patch.setattr(Context, 'try_shutdown', late)
+        end_context()
     assert not rclpy.ok()
+    rclpy.try_shutdown()  # forgets the ended one

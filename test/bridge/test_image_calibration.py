@@ -1,0 +1,56 @@
+"""Which camera_info an image is measured with."""
+
+from __future__ import annotations
+
+import pytest
+from sensor_msgs.msg import CameraInfo
+from std_msgs.msg import Header
+
+from motion_detect_ros.bridge.calibration import KEPT, UNCALIBRATED, USED, Calibration
+from motion_detect_ros.bridge.images import stamp_of
+
+SIZE = 640, 480
+
+
+def info(stamp_ns: int, focal_px: float) -> CameraInfo:
+    return CameraInfo(header=Header(stamp=stamp_of(stamp_ns)), width=SIZE[0], height=SIZE[1],
+                      k=[focal_px, 0.0, 320.0, 0.0, focal_px, 240.0, 0.0, 0.0, 1.0])
+
+
+def zooming(count: int) -> Calibration:
+    """After camera_info of so many images, 1 ns apart, of focal lengths 501, 502, ... px."""
+    calibration = Calibration(rectified=False)
+    for stamp_ns in range(1, count + 1):
+        calibration.note(info(stamp_ns, 500.0 + stamp_ns))
+    return calibration
+
+
+def focal_px(calibration: Calibration, stamp_ns: int) -> float | None:
+    camera = calibration.for_image(stamp_ns, *SIZE)
+    return camera and camera.fx
+
+
+def test_an_image_that_waited_has_its_own_and_not_the_latest():
+    calibration = zooming(30)
+    assert [focal_px(calibration, stamp_ns) for stamp_ns in (3, 4, 30)] == [503.0, 504.0, 530.0]
+
+
+@pytest.mark.parametrize('stamp_ns', [31, 0, 1000])
+def test_an_image_without_its_own_has_the_latest(stamp_ns: int):
+    assert focal_px(zooming(30), stamp_ns) == 530.0
+
+
+def test_old_ones_are_forgotten():
+    calibration = zooming(KEPT + 1)
+    assert focal_px(calibration, 1) == 500.0 + KEPT + 1
+    assert focal_px(calibration, 2) == 502.0
+
+
+def test_one_without_a_calibration_is_that_of_its_image_only_while_others_come():
+    calibration = zooming(2)
+    calibration.note(info(3, 0.0))
+    calibration.note(info(4, 504.0))
+    assert (focal_px(calibration, 3), calibration.state) == (None, UNCALIBRATED)
+    assert (focal_px(calibration, 4), calibration.state) == (504.0, USED)
+    calibration.note(info(5, 0.0))
+    assert (focal_px(calibration, 6), calibration.state) == (None, UNCALIBRATED)
