@@ -138,8 +138,9 @@ class StageNode(ManagedNode):
         sink = self.gyro_sink() if self.config.imu.use else None
         self._gyro = GyroInput(self, sink, self.config.imu.time_offset_s) if sink else None
         if self.uses_camera:
-            self.subscribe(CAMERA_INFO.kind, CAMERA_INFO.name, self._on_camera, image_qos(self._reliability),
-                           self._reliability == 'auto', qos_overriding_options=overridable())
+            self.subscribe(CAMERA_INFO.kind, CAMERA_INFO.name, self._on_camera,
+                           image_qos(self._reliability, SUBSCRIPTION_DEPTH), self._reliability == 'auto',
+                           qos_overriding_options=overridable())
 
     def end(self) -> None:
         """Stop the thread."""
