@@ -74,7 +74,7 @@ test-jazzy: export AMENT_PREFIX_PATH := $(CURDIR)/$(JAZZY)
 test-jazzy: export ROS_HOME := $(CURDIR)/$(JAZZY)/ros_home
 test-jazzy: export PYTHONPATH := $(CURDIR)
 test-jazzy: $(JAZZY)/.ready
-	$(JAZZY)/bin/python -m pytest -p no:cacheprovider -m "not timing" test/core test/sources test/results test/report test/tuning test/bridge test/cli test/nodes test/faults test/examples
+	$(JAZZY)/bin/python -m pytest -p no:cacheprovider -m "not timing" test/core test/sources test/results test/report test/tuning test/bridge test/cli test/nodes test/faults test/examples $(PYTEST_ARGS)
 
 $(JAZZY)/.ready: requirements-jazzy.lock
 	@test "$$($(or $(PYTHON_JAZZY),false) --version 2>/dev/null | cut -d. -f1,2)" = 'Python 3.12' || \
