@@ -7,6 +7,8 @@ import math
 #: Share of a frame's period that sums of periods may miss, for jitter. Beyond that times round up to whole frames:
 #: two frames of 20 Hz are not 0.12 s, and two chance candidates in a row must not confirm each other.
 TOLERANCE = 0.25
+#: What is not done in every frame is done in every second one at most.
+LEAST_FRAMES = 2
 
 
 def reached(total_s: float, seconds: float, period_s: float) -> bool:
@@ -20,7 +22,11 @@ def exceeded(total_s: float, seconds: float, period_s: float) -> bool:
 
 
 class Every:
-    """Says which frames something is done in: the first one, then those that are ``seconds`` later."""
+    """Says which frames something is done in: the first one, then those that are ``seconds`` later.
+
+    Never in two frames running, however far apart they are: who is late because a frame costs too much would be so the
+    more by doing everything in each.
+    """
 
     def __init__(self, seconds: float) -> None:
         """seconds: 0 = in every frame."""
@@ -29,13 +35,14 @@ class Every:
 
     def reset(self) -> None:
         """The next frame is a first one."""
-        self._since_s = math.inf
+        self._since_s, self._frames = math.inf, LEAST_FRAMES
 
     def due(self, dt_s: float) -> bool:
         """Call once for each frame. dt_s: since the one before, seconds."""
-        self._since_s += dt_s
-        return reached(self._since_s, self._seconds, dt_s)
+        self._since_s, self._frames = self._since_s + dt_s, self._frames + 1
+        return self._seconds == 0.0 or (
+            self._frames >= LEAST_FRAMES and reached(self._since_s, self._seconds, dt_s))
 
     def done(self) -> None:
         """It was done in the frame that ``due`` was last called for."""
-        self._since_s = 0.0
+        self._since_s, self._frames = 0.0, 0

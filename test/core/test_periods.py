@@ -7,7 +7,7 @@ import pytest
 from motion_detect_ros.core.periods import Every, exceeded, reached
 
 
-@pytest.mark.parametrize(('hz', 'frames'), [(10.0, 1), (15.0, 2), (20.0, 2), (25.0, 3), (30.0, 3), (60.0, 6)])
+@pytest.mark.parametrize(('hz', 'frames'), [(5.0, 2), (10.0, 2), (15.0, 2), (20.0, 2), (25.0, 3), (30.0, 3), (60.0, 6)])
 def test_a_tenth_of_a_second_in_whole_frames(hz: float, frames: int) -> None:
     every, done = Every(0.1), []
     for index in range(13):
