@@ -28,7 +28,7 @@ def test_a_clock_that_is_set_costs_no_more_than_history(peer, start, stream, tmp
     images, answers = peer.subscribe(Image, 'image_raw'), peer.subscribe(PointCloud2, 'detections')
     reports = peer.subscribe(DiagnosticArray, '/diagnostics')
     start('pipeline', *small())
-    start('camera', '-p', f'source:=http://127.0.0.1:{stream.server_port}/live.mjpg', '-p', 'decimation_of:=5')
+    start('camera', '-p', f'source:={stream.address}', '-p', 'decimation_of:=5')
     monkeypatch.delenv('LD_PRELOAD')
     assert peer.until(lambda: len(answers) > 5)
 
