@@ -154,19 +154,18 @@ def run_plain(make_node: Callable[[], Node]) -> None:
     out as RuntimeError. Here the signal ends the context only, and the executor returns when what it does is done.
 
     Raises:
-        Exception: what the node raised before it was told to stop.
+        Exception: what rclpy says of wrong --ros-args, and what the node raised before it was told to stop.
 
     """
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: None)
+    rclpy.init()
     node = None
     try:
-        rclpy.init()
         node = make_node()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        while rclpy.ok():
-            executor.spin_once(timeout_sec=ROUND_S)
+        spin(executor, Future())
     except Exception:
         if rclpy.ok():
             raise

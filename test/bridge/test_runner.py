@@ -247,3 +247,12 @@ def test_a_context_that_a_signal_ends_at_the_same_moment_is_ended(monkeypatch: p
         end_context()
     assert not rclpy.ok()
     rclpy.try_shutdown()  # forgets the ended one
+
+
+@pytest.mark.timeout(120)
+def test_wrong_words_for_a_plain_node_are_told():
+    script = 'from motion_detect_ros.bridge.runner import run_plain\nrun_plain(lambda: print("made"))'
+    ended = subprocess.run([sys.executable, '-c', script, '--ros-args', '-p', 'nonsense'], capture_output=True,
+                           text=True, check=False, env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain())})
+    assert (ended.returncode, ended.stdout) == (1, '')
+    assert 'nonsense' in ended.stderr
