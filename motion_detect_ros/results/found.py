@@ -16,11 +16,10 @@ import numpy as np
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import DoubleArray, RecordArray, empty_detections
 from motion_detect_ros.results.files import CSV_NAME, FRAMES_NAME, SUMMARY_NAME
+from motion_detect_ros.results.summary import WINDOW_FIELDS
 from motion_detect_ros.sources.truth import finite_box
 
 _BOX_COLUMNS = ('frame', 'x', 'y', 'w', 'h')
-#: Fields of summary.json that say that only part of the source was looked at.
-_WINDOW_FIELDS = ('start_s', 'duration_s', 'every')
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ def window_frames(detections: Path) -> frozenset[int] | None:
     Raises: SourceError where frames.csv cannot be read.
     """
     content = _summary(detections)
-    if not isinstance(content, dict) or all(content.get(name) is None for name in _WINDOW_FIELDS):
+    if not isinstance(content, dict) or all(content.get(name) is None for name in WINDOW_FIELDS):
         return None
     path = detections.with_name(FRAMES_NAME)
     try:

@@ -14,6 +14,8 @@ import numpy as np
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.results.files import SUMMARY_NAME, write_whole
 
+#: Fields that say, where they are given, that only part of the source is wanted.
+WINDOW_FIELDS = ('start_s', 'duration_s', 'every')
 STAGES = ('preprocessing', 'ego_motion', 'optical_flow', 'clustering', 'total')
 
 

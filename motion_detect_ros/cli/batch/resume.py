@@ -16,7 +16,7 @@ from motion_detect_ros.core.settings import settings
 from motion_detect_ros.report.make import REPORT_NAME, report_after_replay
 from motion_detect_ros.results.files import SUMMARY_NAME
 from motion_detect_ros.results.formats import output_names
-from motion_detect_ros.results.summary import Summary, read_summary
+from motion_detect_ros.results.summary import WINDOW_FIELDS, Summary, read_summary
 from motion_detect_ros.sources.part_file import part_of
 
 
@@ -84,7 +84,7 @@ def _differences(summary: Summary, job: Job) -> Iterator[str]:
         yield f'input {summary.input}, now {job.path}'
     if summary.version != motion_detect_ros.__version__:
         yield f'version {summary.version}, now {motion_detect_ros.__version__}'
-    for name in ('fps', 'topic', 'start_s', 'duration_s', 'every'):
+    for name in ('fps', 'topic', *WINDOW_FIELDS):
         if getattr(summary, name) != getattr(job, name):
             yield f'{name} {_shown(getattr(summary, name))}, now {_shown(getattr(job, name))}'
     now = {name: value for name, value, _ in settings(job.config)}
