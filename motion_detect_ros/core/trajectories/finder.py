@@ -125,10 +125,9 @@ class TrajectoryFinder:
         for number, cluster in enumerate(clusters):
             owner[cluster.members] = number
         fitter = BoxFitter(points, self._frames, frame.mask, NearestPoints(points.now[old], owner[old]), self._config)
-        bounds = [PointBox.around(cluster) for cluster in clusters]
-        fitted = [(cluster, fitter.fit(cluster, number))
-                  for number, (cluster, odds) in enumerate(zip(clusters, _log_odds(clusters, bounds, known, moving),
-                                                               strict=True)) if odds >= FITTED_LOG_ODDS]
+        odds = _log_odds(clusters, [PointBox.around(cluster) for cluster in clusters], known, moving)
+        fitted = [(cluster, fitter.fit(cluster, number)) for number, cluster in enumerate(clusters)
+                  if odds[number] >= FITTED_LOG_ODDS]
         found = [(cluster, box) for cluster, box in fitted
                  if box is not None and min(box.high - box.low) >= self._config.min_side_px]
         if not found:

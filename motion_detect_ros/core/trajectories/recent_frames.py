@@ -31,7 +31,6 @@ class RecentFrames:
 
     def __init__(self) -> None:
         self._frames: list[RecentFrame] = []
-        self._seconds: list[float] = []
 
     def __len__(self) -> int:
         return len(self._frames)
@@ -42,7 +41,6 @@ class RecentFrames:
     def reset(self) -> None:
         """Clear all frames."""
         self._frames.clear()
-        self._seconds.clear()
 
     def add(self, frame: PreparedFrame, ego: EgoMotion) -> bool:
         """Add a frame; False where it does not continue the ones before, which are cleared then."""
@@ -56,16 +54,15 @@ class RecentFrames:
         kept = [each for each in self._frames[:MAX_FRAMES - 1] if each.stamp_ns >= oldest_ns]
         self._frames = [RecentFrame(frame.gray, _halved(frame.gray), np.eye(3), frame.stamp_ns),
                         *(RecentFrame(each.gray, each.half, step @ each.matrix, each.stamp_ns) for each in kept)]
-        self._seconds = [(frame.stamp_ns - each.stamp_ns) / NANOSECONDS for each in self._frames]
         return follows
 
     def seconds(self, frames_ago: int) -> float:
         """Time from that frame to the current one."""
-        return self._seconds[frames_ago]
+        return (self._frames[0].stamp_ns - self._frames[frames_ago].stamp_ns) / NANOSECONDS
 
     def nearest(self, seconds: float) -> int:
         """How many frames ago is closest to ``seconds``; at least 1 unless there is only the current frame."""
-        distances = [abs(each - seconds) for each in self._seconds[1:]]
+        distances = [abs(self.seconds(ago) - seconds) for ago in range(1, len(self._frames))]
         return distances.index(min(distances)) + 1 if distances else 0
 
 
