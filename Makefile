@@ -15,6 +15,10 @@ export AMENT_PREFIX_PATH := $(VIRTUAL_ENV)
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 export ROS_HOME ?= $(CURDIR)/$(VENV)/ros_home
 
+# Processes of pytest, a file of tests each: they wait more than they compute.
+JOBS ?= 3
+PARALLEL := -n $(JOBS) --dist loadfile
+
 .PHONY: setup demo test test-timing test-extras test-jazzy check-aarch64 reliability lint bench audit sbom clean
 
 setup: $(STAMP)
@@ -37,7 +41,7 @@ demo: $(STAMP)
 
 # Passes on a busy machine too.
 test: lint
-	$(BIN)/python -m pytest -m "not timing" $(PYTEST_ARGS)
+	$(BIN)/python -m pytest $(PARALLEL) -m "not timing" $(PYTEST_ARGS)
 
 # What measures time (latency, rates, drops at a rate) needs a machine with nothing else to do.
 test-timing: $(STAMP)
@@ -74,7 +78,7 @@ test-jazzy: export AMENT_PREFIX_PATH := $(CURDIR)/$(JAZZY)
 test-jazzy: export ROS_HOME := $(CURDIR)/$(JAZZY)/ros_home
 test-jazzy: export PYTHONPATH := $(CURDIR)
 test-jazzy: $(JAZZY)/.ready
-	$(JAZZY)/bin/python -m pytest -p no:cacheprovider -m "not timing" test/core test/sources test/results test/report test/tuning test/bridge test/cli test/nodes test/faults test/examples $(PYTEST_ARGS)
+	$(JAZZY)/bin/python -m pytest -p no:cacheprovider $(PARALLEL) -m "not timing" test/core test/sources test/results test/report test/tuning test/bridge test/cli test/nodes test/faults test/examples $(PYTEST_ARGS)
 
 $(JAZZY)/.ready: requirements-jazzy.lock
 	@test "$$($(or $(PYTHON_JAZZY),false) --version 2>/dev/null | cut -d. -f1,2)" = 'Python 3.12' || \

@@ -40,7 +40,7 @@ setup(
         'report': ['av>=12', 'jinja2>=3.1', 'plotly>=5.18'],
         'ros': ['ros-jazzy-rclpy', 'ros-jazzy-common-interfaces', 'ros-jazzy-rmw-fastrtps-cpp'],
         'test': ['hypothesis', 'jsonschema', 'mypy', 'pandas', 'pycocotools', 'pytest', 'pytest-cov', 'pytest-timeout',
-                 'ruff', 'selenium', 'types-PyYAML'],
+                 'pytest-xdist', 'ruff', 'selenium', 'types-PyYAML'],
         'test-extras': ['onnx>=1.15'],
         'tune': ['optuna>=3.5'],
     },

@@ -102,9 +102,11 @@ def run(make_node: Callable[[], ManagedNode]) -> int:
 
 
 def _run(make_node: Callable[[], ManagedNode], stop: StopRequest) -> int:
+    began = False
     try:
         remove_dead_segments()
         rclpy.init()
+        began = True
         if stop.made:
             return 0
         node = stop.node = make_node()
@@ -116,7 +118,7 @@ def _run(make_node: Callable[[], ManagedNode], stop: StopRequest) -> int:
     except ExternalShutdownException:
         return 0
     except Exception as error:
-        if stop.made:
+        if stop.made or (began and not rclpy.ok()):  # a signal ends the context in a thread, maybe before it is noted
             return 0
         # Before there is a node, these are rclpy's words for wrong --ros-args and wrong values of its own parameters.
         if isinstance(error, MotionDetectError) or (

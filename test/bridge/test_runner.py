@@ -120,6 +120,31 @@ def test_two_signals_end_a_node_as_one_does():
     assert ends == [(0, '')] * RUNS
 
 
+#: What a signal does while the main thread has not come to its handler yet: the context ends in the midst of a round.
+ENDED_NODE = '''
+import rclpy
+from motion_detect_ros.bridge import runner
+from motion_detect_ros.bridge.managed_node import ManagedNode
+
+class Ended(ManagedNode):
+    def begin(self):
+        self.create_timer(0.01, self.tick)
+
+    def tick(self):
+        rclpy.try_shutdown()
+        self.create_guard_condition(lambda: None)
+
+runner.main_of(lambda: Ended('ended'))()
+'''
+
+
+def test_a_context_that_ends_before_the_signal_is_noted_ends_the_node_cleanly():
+    variables = {**os.environ, 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+    done = subprocess.run([sys.executable, '-c', ENDED_NODE, '--ros-args', '--log-level', 'warn'], text=True,
+                          capture_output=True, timeout=60.0, env=variables, check=False)
+    assert (done.returncode, done.stderr) == (0, '')
+
+
 @pytest.mark.timeout(120)
 def test_a_second_signal_does_not_interrupt_the_end():
     process = busy_node()
