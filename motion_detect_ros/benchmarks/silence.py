@@ -25,7 +25,7 @@ from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.generated import show
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.settings import with_settings
-from motion_detect_ros.core.types import ByteArray
+from motion_detect_ros.core.types import ByteArray, RecordArray
 from motion_detect_ros.presets import load_preset
 from motion_detect_ros.sources.frames import SourceFrame
 from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
@@ -44,7 +44,7 @@ STREAKS, STREAK_PX, SLANT_PX, STREAK_GRAY = 120, 14, 3, 30
 
 @dataclass(frozen=True)
 class Flight:
-    """One flight without people, and the preset and settings (dotted names) it is detected with."""
+    """One flight, and the preset and settings (dotted names) it is detected with."""
 
     preset: str
     changes: Mapping[str, Any]
@@ -53,22 +53,28 @@ class Flight:
     width: int = WIDTH_PX
     height: int = HEIGHT_PX
     cars: int = 0
+    people: int = 0
 
     def pictures(self) -> Iterator[SourceFrame]:
         """Rendered one after the other, exposure and rain included."""
+        for frame, _ in self.judged():
+            yield frame
+
+    def judged(self) -> Iterator[tuple[SourceFrame, RecordArray]]:
+        """The same, each with its truth."""
         flight = SyntheticFlight(FlightConfig(
             width=self.width, height=self.height, focal_px=0.75 * self.width, frames=self.frames, seed=self.seed,
-            cars=self.cars, people=0, shake_deg=SHAKE_DEG, zoom_share=ZOOM_SHARE))
+            cars=self.cars, people=self.people, shake_deg=SHAKE_DEG, zoom_share=ZOOM_SHARE))
         random = np.random.default_rng([self.seed, 11])
         gain = 1.0
         for frame in flight:
             if frame.index % JUMP_EVERY == 0:
                 gain = 1.0 + random.uniform(-JUMP_SHARE, JUMP_SHARE)
             image = cv2.convertScaleAbs(frame.image, alpha=gain)
-            yield SourceFrame(frame.index, _rained_on(image, random), frame.stamp_ns)
+            yield SourceFrame(frame.index, _rained_on(image, random), frame.stamp_ns), frame.truth
 
     def boxes(self) -> int:
-        """How many boxes the detector reports; every one is false where no ``cars`` drive."""
+        """How many boxes the detector reports; every one is false where nothing moves."""
         pipeline = MotionPipeline(with_settings(load_preset(self.preset), self.changes))
         return sum(len(pipeline.process(frame.image, frame.stamp_ns).detections) for frame in self.pictures())
 

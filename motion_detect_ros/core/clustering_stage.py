@@ -18,6 +18,7 @@ from motion_detect_ros.core.self_tuning import Tuned
 from motion_detect_ros.core.tracking.tracker import Tracker
 from motion_detect_ros.core.trajectories.clusters import MAX_SIDE_SHARE
 from motion_detect_ros.core.trajectories.finder import TrajectoryFinder
+from motion_detect_ros.core.trajectories.point_scoring import POINT_SCORE, PointScore
 from motion_detect_ros.core.trajectories.union import united
 from motion_detect_ros.core.types import (
     NANOSECONDS,
@@ -37,15 +38,15 @@ STARTS_ANEW = (EgoStatus.FIRST_FRAME, EgoStatus.TIME_JUMP, EgoStatus.SIZE_CHANGE
 class ClusteringStage:
     """Separates moving objects from the background in one frame's flow and tracks them over frames.
 
-    clusterer: replaces the ART2 that ``config`` describes; first_id: as for ``Tracker``.
+    clusterer: replaces the ART2 that ``config`` describes; first_id: as for ``Tracker``; point_score: of small objects.
     """
 
     def __init__(
         self, config: PipelineConfig, camera: CameraModel | None = None, clusterer: Clusterer | None = None,
-        first_id: int = 1,
+        first_id: int = 1, point_score: PointScore = POINT_SCORE,
     ) -> None:
         self.camera = camera
-        self._clusterer = clusterer
+        self._clusterer, self._point_score = clusterer, point_score
         self._tracker = Tracker(config.tracks, first_id)
         self.restart(config)
 
@@ -55,7 +56,7 @@ class ClusteringStage:
         self._scene = BackgroundSelector(config.background, config.self_tuning)
         self._detector = MotionDetector(config, self._clusterer)
         self._last_flow = LastFlow(config.optical_flow.every_s)
-        self._trajectories = TrajectoryFinder(config) if config.trajectories.use else None
+        self._trajectories = TrajectoryFinder(config, self._point_score) if config.trajectories.use else None
         self._tracker.use_config(config.tracks)
         self._tracker.reset()
         self._last: PreparedFrame | None = None

@@ -16,7 +16,7 @@ from motion_detect_ros.core.periods import Every
 from motion_detect_ros.core.trajectories.clusters import MIN_POINTS, Cluster, find_clusters
 from motion_detect_ros.core.trajectories.object_motion import object_motion
 from motion_detect_ros.core.trajectories.point_boxes import BoxFitter, NearestPoints, PointBox
-from motion_detect_ros.core.trajectories.point_scoring import point_log_odds
+from motion_detect_ros.core.trajectories.point_scoring import POINT_SCORE, ClusterFigures, PointScore
 from motion_detect_ros.core.trajectories.points import Points, PointTracker
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.types import BoolArray, CameraModel, DoubleArray, EgoMotion, FloatArray, PreparedFrame
@@ -26,8 +26,8 @@ from motion_detect_ros.core.types import BoolArray, CameraModel, DoubleArray, Eg
 FOUND_EVERY_S, FIRST_FRAMES = 0.1, 3
 #: Points younger than this do not tell whether they stand still, seconds.
 STILL_S = 0.2
-#: Candidates with lower log odds are dropped; so low with the bounds of the points, no box is fitted.
-LEAST_LOG_ODDS, FITTED_LOG_ODDS = -2.0, -2.5
+#: With so much lower log odds than the least, taken with the bounds of the points, no box is fitted.
+UNFITTED_LOG_ODDS = 0.5
 #: How far around a box the points are looked at, pixels.
 AROUND_PX = 10.0
 #: ``Candidate.cluster`` of what no ART2 neuron won.
@@ -55,31 +55,38 @@ class PointCounts:
 
 
 @dataclass(frozen=True)
-class _Object:
+class FoundObject:
+    """Box in working-resolution pixels; the figures and the log odds are those of the frame it was found in."""
+
     cluster: Cluster
     box: PointBox
+    figures: ClusterFigures
     log_odds: float
 
-    def moved(self, before: Points, now: Points) -> _Object | None:
+    def moved(self, before: Points, now: Points) -> FoundObject | None:
         """Where the points that live on have gone; None where too few do."""
         was, there = now.survivors(before, self.cluster.members)
         if len(there) < MIN_POINTS:
             return None
         way = column_medians(now.now[there] - before.now[was])
-        return _Object(replace(self.cluster, members=there),
-                       PointBox(self.box.low + way, self.box.high + way, self.box.pixels), self.log_odds)
+        return replace(self, cluster=replace(self.cluster, members=there),
+                       box=PointBox(self.box.low + way, self.box.high + way, self.box.pixels))
 
     def candidate(self, scale: float) -> Candidate:
+        """scale: working pixels per full-resolution pixel."""
         low, high = self.box.low / scale, self.box.high / scale
         return Candidate((low + high) / 2.0, high - low, self.cluster.velocity / scale, self.box.pixels / scale ** 2,
                          self.log_odds, NO_NEURON)
 
 
 class TrajectoryFinder:
-    """Holds the points and the frames of the last second."""
+    """Holds the points and the frames of the last second.
 
-    def __init__(self, config: PipelineConfig) -> None:
-        self._config = config.objects
+    ``objects``: of the last frame; ``found``: whether they were found in it, else they were carried on.
+    """
+
+    def __init__(self, config: PipelineConfig, score: PointScore = POINT_SCORE) -> None:
+        self._config, self._score = config.objects, score
         self._frames = RecentFrames()
         self._every = Every(FOUND_EVERY_S)
         self._tracker = PointTracker(config.trajectories.max_points)
@@ -97,22 +104,23 @@ class TrajectoryFinder:
     def _start_anew(self) -> None:
         self._tracker.reset()
         self._every.reset()
-        self._points, self._objects = Points(), list[_Object]()
+        self._points, self.objects, self.found = Points(), list[FoundObject](), False
 
     def candidates(self, frame: PreparedFrame, ego: EgoMotion, camera: CameraModel) -> list[Candidate]:
         """Objects in ``frame``; ego: motion into it; camera: of its working resolution."""
         if not self._frames.add(frame, ego):
             self._start_anew()
         before, self._points = self._points, self._tracker.step(self._frames, frame.mask)
-        if self._every.due(ego.dt_s) and len(self._frames) >= FIRST_FRAMES:
-            self._objects = self._found(frame, camera)
+        self.found = self._every.due(ego.dt_s) and len(self._frames) >= FIRST_FRAMES
+        if self.found:
+            self.objects = self._find(frame, camera)
             self._every.done()
         else:
-            moved = (each.moved(before, self._points) for each in self._objects)
-            self._objects = [each for each in moved if each is not None]
-        return [each.candidate(frame.scale) for each in self._objects]
+            moved = (each.moved(before, self._points) for each in self.objects)
+            self.objects = [each for each in moved if each is not None]
+        return [each.candidate(frame.scale) for each in self.objects]
 
-    def _found(self, frame: PreparedFrame, camera: CameraModel) -> list[_Object]:
+    def _find(self, frame: PreparedFrame, camera: CameraModel) -> list[FoundObject]:
         points = self._points
         old: BoolArray = points.age >= self._frames.nearest(STILL_S)
         motion = object_motion(points, self._frames, camera)
@@ -125,25 +133,26 @@ class TrajectoryFinder:
         for number, cluster in enumerate(clusters):
             owner[cluster.members] = number
         fitter = BoxFitter(points, self._frames, frame.mask, NearestPoints(points.now[old], owner[old]), self._config)
-        odds = _log_odds(clusters, [PointBox.around(cluster) for cluster in clusters], known, moving)
+        bounds = _figures(clusters, [PointBox.around(cluster) for cluster in clusters], known, moving)
         fitted = [(cluster, fitter.fit(cluster, number)) for number, cluster in enumerate(clusters)
-                  if odds[number] >= FITTED_LOG_ODDS]
+                  if self._score.log_odds(bounds[number]) >= self._score.least - UNFITTED_LOG_ODDS]
         found = [(cluster, box) for cluster, box in fitted
                  if box is not None and min(box.high - box.low) >= self._config.min_side_px]
         if not found:
             return []
         there, boxes = zip(*found, strict=True)
-        objects = map(_Object, there, boxes, _log_odds(there, boxes, known, moving))
-        return [each for each in objects if each.log_odds >= LEAST_LOG_ODDS]
+        objects = (FoundObject(cluster, box, figures, self._score.log_odds(figures))
+                   for (cluster, box), figures in zip(found, _figures(there, boxes, known, moving), strict=True))
+        return [each for each in objects if each.log_odds >= self._score.least]
 
 
-def _log_odds(
+def _figures(
     clusters: Sequence[Cluster], boxes: Sequence[PointBox], known: PointCounts, moving: PointCounts,
-) -> list[float]:
+) -> list[ClusterFigures]:
     low, high = np.array([box.low for box in boxes]), np.array([box.high for box in boxes])
     inside, moving_inside = known.within(low, high, 0.0), moving.within(low, high, 0.0)
     around = known.within(low, high, AROUND_PX) - inside
     moving_around = moving.within(low, high, AROUND_PX) - moving_inside
-    return [point_log_odds(len(cluster.members), *shares) for cluster, *shares in zip(
+    return [ClusterFigures(len(cluster.members), *shares) for cluster, *shares in zip(
         clusters, (moving_inside / np.maximum(1, inside)).tolist(), (moving_around / np.maximum(1, around)).tolist(),
         strict=True)]

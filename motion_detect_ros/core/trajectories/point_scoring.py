@@ -1,28 +1,50 @@
 """Log odds of one cluster of points from one frame.
 
 A logistic regression (Cox 1958) of "this cluster is a moving object" on three figures without unit. The coefficients
-were fitted over the clusters of the real clips in docs/accuracy.md, every clip with equal weight, the intercept then
-lowered by 1 so that false boxes are rare.
+were fitted over the clusters of the real clips in docs/accuracy.md (``benchmarks.point_score_fit``), every clip with
+equal weight, the intercept then lowered by 1 so that false boxes are rare.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import NamedTuple
 
-INTERCEPT = -6.6
-PER_LOG_POINTS = 1.6
-PER_MOVING_SHARE = 2.2
-PER_MOVING_AROUND = -1.3
 #: The highest log odds of one frame.
 MAX_LOG_ODDS = 3.0
 
 
-def point_log_odds(points: int, moving_share: float, moving_around: float) -> float:
-    """Logarithm of p / (1 - p), p the probability that a cluster is a moving object.
-
-    points: how many there are, at least 1; moving_share: of the points in its box, 0..1; moving_around: of those
-    around its box, 0..1.
+class ClusterFigures(NamedTuple):
+    """``points``: how many a cluster has, at least 1; ``moving_share``: of the points in its box, 0..1;
+    ``moving_around``: of those around its box, 0..1.
     """
-    odds = (INTERCEPT + PER_LOG_POINTS * math.log(points) + PER_MOVING_SHARE * moving_share
-            + PER_MOVING_AROUND * moving_around)
-    return min(MAX_LOG_ODDS, odds)
+
+    points: int
+    moving_share: float
+    moving_around: float
+
+    @property
+    def regressors(self) -> tuple[float, float, float]:
+        """What the coefficients of a ``PointScore`` after the intercept belong to."""
+        return math.log(self.points), self.moving_share, self.moving_around
+
+
+@dataclass(frozen=True)
+class PointScore:
+    """Coefficients; objects of less than ``least`` log odds are dropped."""
+
+    intercept: float = -6.6
+    per_log_points: float = 1.6
+    per_moving_share: float = 2.2
+    per_moving_around: float = -1.3
+    least: float = -2.0
+
+    def log_odds(self, figures: ClusterFigures) -> float:
+        """Logarithm of p / (1 - p), p the probability that a cluster with these figures is a moving object."""
+        coefficients = self.per_log_points, self.per_moving_share, self.per_moving_around
+        odds = sum((c * x for c, x in zip(coefficients, figures.regressors, strict=True)), self.intercept)
+        return min(MAX_LOG_ODDS, odds)
+
+
+POINT_SCORE = PointScore()
