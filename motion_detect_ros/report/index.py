@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
@@ -12,6 +13,7 @@ from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import NANOSECONDS
 from motion_detect_ros.report.embedding import check_libraries, render
 from motion_detect_ros.report.make import REPORT_NAME
+from motion_detect_ros.report.replayed import read_replayed
 from motion_detect_ros.results.files import SUMMARY_NAME, write_whole
 from motion_detect_ros.results.summary import Summary, read_summary
 
@@ -63,6 +65,9 @@ def _entries(folder: Path, base: Path) -> Iterator[Entry]:
         link = quote(Path(os.path.relpath(report, base)).as_posix()) if report.is_file() else ''
         try:
             summary = read_summary(place)
+            if not summary.complete:
+                with suppress(SourceError):  # it was killed before it wrote anything else
+                    summary = read_replayed(place).summary
         except SourceError as error:
             yield Entry(name, link, None, str(error))
         else:

@@ -192,6 +192,17 @@ def killed(folder: Path) -> Path:
     return folder
 
 
+@pytest.mark.parametrize(('rows', 'told'), [(True, f'{FRAMES}</'), (False, 'interrupted; no frames')])
+def test_the_index_counts_the_rows_of_a_replay_that_was_killed(results: Path, rows: bool, told: str):
+    pytest.importorskip('jinja2', reason='jinja2 is not installed (extra "report")')
+    killed(results)
+    if not rows:
+        (results / 'detections.csv').unlink()
+    page = make_index(results).read_text()
+    assert told in page
+    assert ('no frames' in page) != rows
+
+
 def test_a_replay_that_was_killed_is_told_by_its_rows(results: Path):
     whole, told = read_summary(results), read_replayed(killed(results)).summary
     assert told == replace(whole, complete=False, image_size=(0, 0), stage_ms=told.stage_ms)
