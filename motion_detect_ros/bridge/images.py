@@ -11,12 +11,11 @@ from builtin_interfaces.msg import Time
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
 from std_msgs.msg import Header
 
-from motion_detect_ros.core.errors import MessageError
+from motion_detect_ros.core.errors import MessageError, SourceError
 from motion_detect_ros.core.types import NANOSECONDS, CameraModel, FlowField
+from motion_detect_ros.sources.camera_info import distortion_model_of
 from motion_detect_ros.sources.encoding import FLOW_ENCODING, ImageDecoder, encoding_of, pixel_rows
-
-#: Grey stays grey; never turned by an EXIF tag, as flow and calibration belong to the sensor's own axes.
-AS_STORED = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
+from motion_detect_ros.sources.images import decode_image
 
 
 def stamp_ns(header: Header) -> int:
@@ -88,9 +87,12 @@ def rates_from_msg(msg: Imu) -> tuple[float, float, float]:
 
 
 def camera_to_msg(camera: CameraModel | None, width: int, height: int, header: Header) -> CameraInfo:
-    """Calibration of an undistorted camera; zeros say uncalibrated (REP 104)."""
+    """Calibration, of images of its own size; None: of ``width`` x ``height``, zeros say uncalibrated (REP 104)."""
     info = CameraInfo(header=header, height=height, width=width, distortion_model='plumb_bob', d=[0.0] * 5)
     if camera is not None:
+        info.height, info.width = camera.height or height, camera.width or width
+        if camera.distortion:
+            info.d, info.distortion_model = list(camera.distortion), distortion_model_of(camera)
         fx, fy, cx, cy = camera.fx, camera.fy, camera.cx, camera.cy
         info.k = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
         info.r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
@@ -109,11 +111,7 @@ def bytes_of(values: npt.NDArray[np.generic]) -> array[int]:
 
 
 def _decompressed(msg: CompressedImage) -> npt.NDArray[np.uint8]:
-    buffer = np.frombuffer(msg.data, np.uint8)
     try:
-        image = cv2.imdecode(buffer, AS_STORED) if buffer.size else None
-    except cv2.error:  # a header that promises an absurd size
-        image = None
-    if image is None or image.dtype != np.uint8:
-        raise MessageError(f'compressed image: expected JPEG or PNG, got {buffer.size} bytes of {msg.format!r}')
-    return image
+        return decode_image(bytes(msg.data), 'compressed image')
+    except SourceError as error:
+        raise MessageError(f'{error}: expected JPEG or PNG, got format {msg.format!r}') from None

@@ -26,7 +26,7 @@ def message_class(name: str) -> Any:
     package, _, kind = name.partition('/')
     try:
         return getattr(import_module(f'{package}.msg'), kind.rpartition('/')[2])
-    except (ImportError, AttributeError):
+    except (ImportError, AttributeError, TypeError, ValueError):  # the last two: no name at all, as of JSON channels
         raise MessageError(f'message type {name}: expected an installed package, found none') from None
 
 

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
+
+from rclpy.exceptions import InvalidTopicNameException
 
 from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.params import declare_simple
@@ -13,7 +17,8 @@ from motion_detect_ros.bridge.source_node import SourceNode
 from motion_detect_ros.bridge.topics import CLOCK, TopicPublisher
 from motion_detect_ros.core.errors import MessageError, SourceError
 from motion_detect_ros.core.types import NANOSECONDS
-from motion_detect_ros.sources.bags import BagReader, RawMessage, TopicInfo
+from motion_detect_ros.sources.bag_reader import chosen_topics
+from motion_detect_ros.sources.bags import BagReader, RawMessage
 from motion_detect_ros.sources.pace import Pace
 
 #: The age of a recorded stamp says nothing about the player.
@@ -46,7 +51,8 @@ class BagPlayerNode(SourceNode):
         self.serve('~/pause', lambda: self._hold(True))
         self.serve('~/resume', lambda: self._hold(False))
         with BagReader(self._bag) as reader:
-            self._topics = _chosen(self._bag, reader.topics, wanted)
+            chosen = chosen_topics(self._bag, reader.topics, wanted)
+            self._topics = [topic for topic in chosen if topic.name != CLOCK.name]  # times of recording are the clock
             self._damaged = reader.damaged or ''
 
     def open(self) -> None:
@@ -60,11 +66,13 @@ class BagPlayerNode(SourceNode):
                     message_class(topic.msgtype), topic.name.lstrip('/'), quality_of(topic))
             except MessageError as error:
                 self.bad_input(error)
+            except InvalidTopicNameException as error:  # MCAP files of other tools
+                self.bad_input(MessageError(f'topic {topic.name}: {error}'.splitlines()[0]))
 
     def produce(self) -> None:
         """Play, again and again where ``loop`` says so."""
         if self._images:
-            self.await_subscribers([self._publishers_of[name] for name in self._images],
+            self.await_subscribers([each for name, each in self._publishers_of.items() if name in self._images],
                                    lambda: self._ticks.subscribers if self._ticks else 1)
         if not self._publishers_of:
             raise SourceError(f'{self._bag}: expected a topic whose type is installed, got none')
@@ -99,7 +107,7 @@ class BagPlayerNode(SourceNode):
     def _play_from(self, start_s: float) -> None:
         """From there to the end, unless the user stops it or jumps; static transforms from before are not left out."""
         first_ns: int | None = None
-        with BagReader(self._bag) as reader:
+        with BagReader(self._bag) as reader, self._watched(reader):
             for clock_ns, message in with_clock(reader.messages(list(self._publishers_of))):
                 if first_ns is None:
                     first_ns = clock_ns + round(start_s * NANOSECONDS)
@@ -115,6 +123,16 @@ class BagPlayerNode(SourceNode):
                     continue
                 self._publish(message, clock_ns)
 
+    @contextmanager
+    def _watched(self, reader: BagReader) -> Iterator[None]:
+        """What is damaged inside a bag shows only once it is read."""
+        try:
+            yield
+        finally:
+            if reader.damaged and reader.damaged != self._damaged:
+                self._damaged = reader.damaged
+                self.get_logger().warning(f'{self._bag}: {self._damaged}')
+
     def _publish(self, message: RawMessage, clock_ns: int) -> None:
         self.stats.count_received(time.monotonic_ns())
         if self._ticks:
@@ -122,19 +140,6 @@ class BagPlayerNode(SourceNode):
         start = time.perf_counter()
         self._publishers_of[message.topic].publish(message.data)
         self.stats.count_processed(time.monotonic_ns(), 1e3 * (time.perf_counter() - start), UNKNOWN_AGE_MS)
-
-
-def _chosen(bag: str, topics: tuple[TopicInfo, ...], wanted: str) -> tuple[TopicInfo, ...]:
-    """The topics to play; a recorded /clock is not, as the times of recording are the clock. Raises: SourceError."""
-    names = {name.strip().lstrip('/') for name in wanted.split(',')} - {''}
-    missing = names - {topic.name.lstrip('/') for topic in topics}
-    if missing:
-        listed = ', '.join(f'{topic.name} ({topic.count})' for topic in topics) or 'none'
-        raise SourceError(f'{bag}: no topic {", ".join(sorted(missing))}; topics (messages): {listed}')
-    chosen = tuple(topic for topic in topics if topic.name.lstrip('/') in names) if names else topics
-    if not sum(topic.count for topic in chosen):
-        raise SourceError(f'{bag}: expected messages to play, found none in {len(chosen)} topics')
-    return tuple(topic for topic in chosen if topic.name != CLOCK.name)
 
 
 main = main_of(BagPlayerNode)

@@ -14,6 +14,7 @@ from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.source_node import SourceNode
 from motion_detect_ros.bridge.topics import CAMERA_INFO, COMPRESSED, IMAGE, TopicPublisher
 from motion_detect_ros.core.errors import MotionDetectError
+from motion_detect_ros.sources.calibration_file import CalibrationFile
 from motion_detect_ros.sources.capture import Capture
 from motion_detect_ros.sources.frames import CAMERA_FRAME, SourceFrame
 from motion_detect_ros.sources.secrets import masked, with_secret
@@ -76,6 +77,8 @@ class CameraNode(SourceNode):
                 elif capture.ended:
                     return
         finally:
+            if capture.damage:
+                self.get_logger().warning(f'{masked(self._source)}: {capture.damage}')
             capture.close()
             if capture.blocked and self.context.ok():
                 self.get_logger().warning(
@@ -86,7 +89,7 @@ class CameraNode(SourceNode):
         idle = super().condition()
         if idle.idle:
             return idle
-        behind = 'slower than the camera' if self._capture.stats.behind else ''
+        behind = 'slower than the camera' if self._capture.stats.behind else self._capture.damage
         starting = time.monotonic() - self._began_s < STARTING_S
         silence = '' if starting else silent(self.stats.summary(time.monotonic_ns()))
         fault = ': '.join(filter(None, (silence, self._capture.trouble))) if silence else ''
@@ -121,13 +124,14 @@ class CameraNode(SourceNode):
 
     def _info(self, width: int, height: int, header: Any) -> Any:
         """The calibration that fits the image, else that of an uncalibrated camera."""
-        given = self._calibration
-        if given is None:
-            return camera_to_msg(self._capture.camera, width, height, header)
-        if (given.width, given.height) == (width, height):
-            return calibration_to_msg(given, header)
+        given = self._calibration or self._capture.camera
+        size = (given.width or width, given.height or height) if given else (width, height)
+        if size == (width, height):
+            if isinstance(given, CalibrationFile):
+                return calibration_to_msg(given, header)
+            return camera_to_msg(given, width, height, header)
         self.get_logger().warning(f'calibration not used: expected one of {width}x{height} px, '
-                                  f'got {given.width}x{given.height}', once=True)
+                                  'got {}x{}'.format(*size), once=True)
         return camera_to_msg(None, width, height, header)
 
     def _count_drops(self) -> None:

@@ -52,7 +52,10 @@ class BagReader:
     def __init__(self, path: str | Path) -> None:
         """Raises: SourceError where the path is missing or no bag."""
         self.path = Path(path)
-        self._parts = _open_parts(self.path)
+        try:
+            self._parts = _open_parts(self.path)
+        except OSError as error:  # no permission, a link to nothing
+            raise SourceError(f'{error.filename or path}: cannot be read: {error.strerror or error}') from None
 
     @property
     def topics(self) -> tuple[TopicInfo, ...]:
@@ -151,3 +154,19 @@ def _metadata(folder: Path) -> dict[str, Any]:
     except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError):
         return {}
     return information if isinstance(information, dict) else {}
+
+
+def chosen_topics(bag: str, topics: tuple[TopicInfo, ...], wanted: str) -> tuple[TopicInfo, ...]:
+    """Those whose names are in ``wanted``, separated by commas, or all where it is empty.
+
+    Raises: SourceError for a name that is not there, or where there is no message.
+    """
+    names = {name.strip().lstrip('/') for name in wanted.split(',')} - {''}
+    missing = names - {topic.name.lstrip('/') for topic in topics}
+    if missing:
+        listed = ', '.join(f'{topic.name} ({topic.count})' for topic in topics) or 'none'
+        raise SourceError(f'{bag}: no topic {", ".join(sorted(missing))}; topics (messages): {listed}')
+    chosen = tuple(topic for topic in topics if topic.name.lstrip('/') in names) if names else topics
+    if not sum(topic.count for topic in chosen):
+        raise SourceError(f'{bag}: expected messages to play, found none in {len(chosen)} topics')
+    return chosen

@@ -10,7 +10,7 @@ from motion_detect_ros.core.types import CameraModel
 
 #: Names of the model of wide lenses; all others are polynomials of the radius, with so many coefficients.
 FISHEYE = ('equidistant', 'fisheye')
-COUNTS = (4, 5, 8, 12, 14)
+COUNTS, PLUMB_BOB = (4, 5, 8, 12, 14), 5
 
 
 def camera_of(info: Any, rectified: bool = False) -> CameraModel | None:
@@ -29,6 +29,13 @@ def camera_of(info: Any, rectified: bool = False) -> CameraModel | None:
         int(roi.width or info.width) // across, int(roi.height or info.height) // down, float(fx) / across,
         float(fy) / down, _binned(float(cx) - roi.x_offset, across), _binned(float(cy) - roi.y_offset, down))
     return camera if camera is None or rectified else replace(camera, **_lens(info.distortion_model, info.d))
+
+
+def distortion_model_of(camera: CameraModel) -> str:
+    """The name that sensor_msgs/CameraInfo has for the lens of a camera."""
+    if camera.fisheye:
+        return FISHEYE[0]
+    return 'plumb_bob' if len(camera.distortion) <= PLUMB_BOB else 'rational_polynomial'
 
 
 def _lens(model: str, coefficients: Any) -> dict[str, Any]:

@@ -145,6 +145,15 @@ class Capture:
         return self._live.trouble if self._live else ''
 
     @property
+    def damage(self) -> str:
+        """What of a file could not be read so far; empty where all could, and for streams."""
+        frames = self._frames
+        if isinstance(frames, LiveFrames):
+            return ''
+        return ', '.join(filter(None, (
+            frames.damaged, f'{frames.bad_frames} unreadable pictures' if frames.bad_frames else '')))
+
+    @property
     def blocked(self) -> bool:
         """After ``close``: the driver has not come back, the thread lets go of the device when it does."""
         return self._stop.is_set() and self._thread.is_alive()

@@ -16,6 +16,8 @@ from motion_detect_ros.sources.window import WHOLE, Choice, Selection, Window
 
 IMAGE_SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.bmp', '.tif', '.tiff', '.webp', '.ppm', '.pgm'})
 
+#: Grey stays grey; never turned by an EXIF tag, as flow and calibration belong to the sensor's own axes.
+AS_STORED = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
 _JPEG_START, _JPEG_END = b'\xff\xd8', b'\xff\xd9'
 #: Cameras pad JPEG files; the end marker is looked for in this many last bytes.
 _JPEG_TAIL_BYTES = 1024
@@ -29,8 +31,10 @@ def decode_image(data: bytes, what: str) -> ByteArray:
     if data[:2] == _JPEG_START and _JPEG_END not in data[-_JPEG_TAIL_BYTES:]:
         # OpenCV would fill the missing rows with grey and call it a picture.
         raise SourceError(f'{what}: JPEG is cut off after {len(data)} bytes')
-    flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), AS_STORED) if data else None
+    except cv2.error:  # a header that promises an absurd size
+        image = None
     if image is None:
         raise SourceError(f'{what}: {len(data)} bytes that are no picture')
     return image.astype(np.uint8, copy=False)
@@ -45,7 +49,7 @@ def image_files(folder: Path) -> list[Path]:
 def natural_key(name: str) -> tuple[tuple[int, str], ...]:
     """Sort key that compares runs of digits as numbers."""
     parts = re.split(r'(\d+)', name)
-    return tuple((int(part), '') if part.isdigit() else (-1, part) for part in parts)
+    return tuple((int(part), '') if part.isdecimal() else (-1, part) for part in parts)
 
 
 def even_stamps(count: int, fps: float) -> list[int]:

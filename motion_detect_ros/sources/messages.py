@@ -15,6 +15,7 @@ from rosbags.typesys.store import Typestore
 from motion_detect_ros.core.errors import MessageError
 from motion_detect_ros.core.types import NANOSECONDS, ByteArray, CameraModel, DoubleArray, RecordArray
 from motion_detect_ros.sources.box_definitions import DEFINITIONS
+from motion_detect_ros.sources.camera_info import distortion_model_of
 
 IMAGE = 'sensor_msgs/msg/Image'
 COMPRESSED_IMAGE = 'sensor_msgs/msg/CompressedImage'
@@ -114,7 +115,7 @@ def compressed_image(data: bytes, image_format: str, stamp_ns: int, frame_id: st
 def camera_info(
     camera: CameraModel, stamp_ns: int, frame_id: str, projection: DoubleArray | None = None,
 ) -> Any:
-    """sensor_msgs/CameraInfo of an image without distortion.
+    """sensor_msgs/CameraInfo of an image as the camera gives it.
 
     projection: (3, 4) float64, where it holds more than the camera matrix (offset to a reference camera).
     A camera with focal length 0 is uncalibrated: the message then says so with K = 0, as its definition asks.
@@ -126,7 +127,8 @@ def camera_info(
         projection = np.hstack([matrix, np.zeros((3, 1))])
     return make(
         CAMERA_INFO, header=header(stamp_ns, frame_id), height=camera.height, width=camera.width,
-        distortion_model='plumb_bob', d=np.zeros(5), k=matrix.reshape(-1), r=np.eye(3).reshape(-1),
+        distortion_model=distortion_model_of(camera), d=np.array(camera.distortion or [0.0] * 5),
+        k=matrix.reshape(-1), r=np.eye(3).reshape(-1),
         p=np.asarray(projection, np.float64).reshape(-1))
 
 

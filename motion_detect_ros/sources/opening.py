@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 
 from motion_detect_ros.core.errors import SourceError
@@ -27,6 +28,7 @@ def open_source(
     if not str(path):
         raise SourceError('source: expected a path, got nothing')
     path = Path(path)
+    check_name(path)
     check_rate('frame rate', fps)
     try:
         if path.is_dir():
@@ -36,6 +38,15 @@ def open_source(
     except OSError as error:
         raise SourceError(f'{path}: cannot be read: {error.strerror or error}') from None
     raise SourceError(f'{path}: no such file or folder')
+
+
+def check_name(path: Path) -> None:
+    """Raises: SourceError for a name that is no UTF-8: neither OpenCV nor the files of results can hold it."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        shown = os.fsencode(path).decode('utf-8', 'backslashreplace')
+        raise SourceError(f'{shown}: expected a name in UTF-8; rename it') from None
 
 
 def check_rate(name: str, fps: float | None) -> None:

@@ -12,9 +12,10 @@ from motion_detect_ros.core.errors import MotionDetectError, SourceError
 #: ``user:password`` of the address, or the whole address.
 SECRET_VARIABLE = 'MOTION_DETECT_SOURCE_SECRET'
 MASK = '***'
-#: All up to the last @ of an address, as passwords hold @ and / too; one slash, as in what pathlib makes of an address.
-_USER_INFO = re.compile(r'(\b[A-Za-z][\w+.-]*:/{1,3})\S*@')
-_QUERY = re.compile(r'([?&;][\w-]*(?:pass|pwd|secret|token|key|auth)[\w-]*=)[^&;\s]+', re.IGNORECASE)
+#: All up to the last @ of an address, as passwords hold @, / and blanks too; one slash, as pathlib leaves of two.
+_USER_INFO = re.compile(r'(\b[A-Za-z][\w+.-]*:/{1,3})(?:(?!\w+://)[^\r\n])*@')
+#: In the query, or in the path after / or _ as recorders of the XMEye kind have it.
+_QUERY = re.compile(r'([?&;/_][\w-]*?(?:pass|pas|pwd|secret|token|key|auth)[A-Za-z-]*=)[^&;\s]+', re.IGNORECASE)
 
 
 def masked(text: str) -> str:

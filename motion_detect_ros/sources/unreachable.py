@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import socket
-from urllib.parse import SplitResult, urlsplit
+from urllib.parse import SplitResult, quote, urlsplit
 
 #: How long the server may take to connect, and to answer, seconds.
 TIMEOUT_S = 1.0
@@ -19,10 +19,17 @@ def why_unreachable(address: str) -> str:
     The user and the password of the address are not sent. Takes 2 ``TIMEOUT_S`` at most, if names are resolved at once.
     """
     with contextlib.suppress(ValueError):  # an address or port that is none
-        parts = urlsplit(address)
+        parts = urlsplit(_readable(address))
         if parts.hostname and parts.scheme in _PORTS:
             return _asked(parts, parts.hostname, parts.port or _PORTS[parts.scheme])
     return ''
+
+
+def _readable(address: str) -> str:
+    """The address with user and password quoted: a slash in them would end the host's name."""
+    scheme, separator, rest = address.partition('://')
+    secret, at, place = rest.rpartition('@')
+    return f'{scheme}{separator}{quote(secret, safe=":")}{at}{place}'
 
 
 def _asked(parts: SplitResult, host: str, port: int) -> str:

@@ -88,3 +88,14 @@ def test_bags_are_read_with_window_and_binning(tmp_path: Path):
         writer.write_image(np.zeros((48, 64), np.uint8), 0)
     assert BagFrames(tmp_path / 'a.mcap').camera == CameraModel(
         64, 48, 200.0, 200.0, 400.5 / 4 - 0.5, 300.5 / 4 - 0.5)
+
+
+@pytest.mark.parametrize('lens', [
+    {'distortion': (-0.3, 0.1, 0.001, 0.002, 0.0)}, {'distortion': (0.1,) * 8},
+    {'distortion': (0.1, 0.02, 0.003, 0.0004), 'fisheye': True}])
+def test_lens_and_own_size_survive_the_message(lens):
+    camera = CameraModel(320, 240, 200.0, 201.0, 160.0, 120.0, **lens)
+    info = camera_to_msg(camera, 160, 120, HEADER)
+    assert camera_of(info) == camera
+    assert (info.width, info.height) == (320, 240), 'that of the calibration, so that the receiver sees what is wrong'
+    assert camera_of(camera_to_msg(CameraModel(0, 0, 200.0, 201.0, 80.0, 60.0), 160, 120, HEADER)).width == 160

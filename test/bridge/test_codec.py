@@ -50,8 +50,15 @@ def test_compressed_images():
     image = cv2.GaussianBlur(pixels((60, 80, 3)), (0, 0), 5)
     found = image_from_msg(compressed_to_msg(image, HEADER))
     assert np.abs(found.astype(int) - image).mean() < 3.0
-    with pytest.raises(MessageError, match="expected JPEG or PNG, got 3 bytes of 'jpeg'"):
+    with pytest.raises(MessageError, match="3 bytes that are no picture: expected JPEG or PNG, got format 'jpeg'"):
         image_from_msg(CompressedImage(format='jpeg', data=b'abc'))
+
+
+def test_a_jpeg_that_is_cut_off_is_refused():
+    """OpenCV 4.6 makes up the missing rows and calls it a picture."""
+    whole = bytes(compressed_to_msg(pixels((60, 80, 3)), HEADER).data)
+    with pytest.raises(MessageError, match='JPEG is cut off after'):
+        image_from_msg(CompressedImage(format='jpeg', data=whole[:len(whole) * 9 // 10]))
 
 
 def test_compressed_images_are_not_turned_by_their_exif_tag():
@@ -67,7 +74,7 @@ def test_compressed_images_are_not_turned_by_their_exif_tag():
 def test_a_header_that_promises_an_absurd_size_is_refused():
     side = 1_100_000
     bitmap = struct.pack('<2sIHHIIiiHHIIiiII', b'BM', 154, 0, 0, 54, 40, side, side, 1, 24, 0, 0, 0, 0, 0, 0)
-    with pytest.raises(MessageError, match="expected JPEG or PNG, got 154 bytes of 'bmp'"):
+    with pytest.raises(MessageError, match="154 bytes that are no picture: expected JPEG or PNG, got format 'bmp'"):
         image_from_msg(CompressedImage(format='bmp', data=bitmap + bytes(100)))
 
 

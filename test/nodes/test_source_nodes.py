@@ -8,7 +8,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TransformStamped
 from mcap.writer import Writer
-from peers import PATIENT, image_message, lossless, picture, ready, set_parameters, small
+from peers import PATIENT, TIMEOUT_S, image_message, lossless, picture, ready, set_parameters, small
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu, PointCloud2
@@ -341,3 +341,75 @@ def test_player_waits_for_the_stages_and_not_for_just_anybody(peer, start, bag, 
     start('pipeline', *small(*PATIENT))
     assert peer.until(lambda: len(detections) == 8)
     assert [stamp_ns(m.header) for m in detections] == STAMPS
+
+
+@pytest.mark.parametrize(('size', 'published'), [((320, 240), [-0.3, 0.1, 0.0, 0.0, 0.0]), ((640, 480), None)])
+def test_camera_publishes_the_calibration_of_a_bag_with_its_lens_unless_it_is_of_another_size(
+    peer, start, tmp_path, size, published,
+):
+    path, infos = tmp_path / 'lens.mcap', peer.subscribe(CameraInfo, 'camera_info')
+    peer.subscribe(Image, 'image_raw')  # which the camera waits for
+    with BagWriter(path) as writer:
+        for index, stamp in enumerate(STAMPS):
+            writer.write_camera_info(
+                CameraModel(*size, 300.0, 301.0, 160.0, 120.0, (-0.3, 0.1, 0.0, 0.0, 0.0)), stamp)
+            writer.write_image(picture(index), stamp)
+    film(peer, start, path, infos, 8)
+    assert {(info.width, info.height) for info in infos} == {(320, 240)}
+    assert [list(info.d) for info in infos if info.k[0]] == ([published] * 8 if published else [])
+    said = 'calibration not used: expected one of 320x240 px, got 640x480' in (tmp_path / 'camera.log').read_text()
+    assert said == (published is None)
+
+
+def damaged_inside(path):
+    """A bag whose summary is whole while bytes of its chunks are not."""
+    with BagWriter(path, compress=False, chunk_bytes=1 << 16) as writer:
+        for index, stamp in enumerate(STAMPS):
+            writer.write_image(picture(index), stamp)
+    content = bytearray(path.read_bytes())
+    for place in range(len(content) // 3, len(content) // 2, 50_000):
+        content[place] ^= 0xff
+    path.write_bytes(content)
+    return path
+
+
+@pytest.mark.parametrize('node', ['bag_player', 'camera'])
+def test_damage_that_shows_while_a_file_is_read_is_told(peer, start, tmp_path, node):
+    path, images = damaged_inside(tmp_path / 'bad.mcap'), peer.subscribe(Image, 'image_raw')
+    given = ('-p', f'bag:={path}', '-p', 'rate:=10.0') if node == 'bag_player' else (
+        '-p', f'source:={path}', '-p', 'realtime:=false')
+    process = start(node, '-p', 'wait_for_subscribers:=1', *given, *lossless('image_raw'))
+    assert peer.until(lambda: process.poll() is not None)
+    assert 0 < len(images) < len(STAMPS)
+    assert 'unreadable chunk(s) skipped' in (tmp_path / f'{node}.log').read_text()
+
+
+def test_topics_that_cannot_be_played_cost_themselves_only(peer, start, tmp_path):
+    """A JSON channel without a schema, and a name that ROS 2 does not allow, as other tools write them."""
+    path, images = tmp_path / 'odd.mcap', peer.subscribe(Image, 'image_raw')
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start(profile='ros2', library='test')
+        schema = writer.register_schema('sensor_msgs/msg/Image', 'ros2msg',
+                                        messages.message_definition(messages.IMAGE).encode())
+        channels = [writer.register_channel(topic, 'cdr', schema) for topic in ('/image_raw', '/front-left/image')]
+        bare = writer.register_channel('/log', 'json', 0)
+        for index, stamp in enumerate(STAMPS):
+            image = messages.serialize(messages.image(picture(index), stamp, 'eye'))
+            for channel, data in ((channels[0], image), (channels[1], image), (bare, b'{}')):
+                writer.add_message(channel, stamp, data, stamp)
+        writer.finish()
+    process = start('bag_player', '-p', f'bag:={path}', '-p', 'wait_for_subscribers:=1', '-p', 'rate:=10.0',
+                    *lossless('image_raw'))
+    assert peer.until(lambda: process.poll() is not None)
+    assert len(images) == len(STAMPS)
+    assert '/front-left/image' in (tmp_path / 'bag_player.log').read_text()
+
+
+def test_a_bag_that_is_a_link_to_nothing_is_one_line(start, tmp_path):
+    (tmp_path / 'flight').mkdir()
+    (tmp_path / 'flight' / 'flight_0.mcap').symlink_to(tmp_path / 'gone.mcap')
+    process = start('bag_player', '-p', f'bag:={tmp_path / "flight"}', code=2)
+    assert process.wait(TIMEOUT_S) == 2
+    assert (tmp_path / 'bag_player.log').read_text().strip().endswith(
+        'flight_0.mcap: cannot be read: No such file or directory')

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import struct
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 
 import cv2
@@ -12,7 +15,7 @@ import pytest
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.sources.bags import BagFrames, BagWriter
-from motion_detect_ros.sources.images import ImageSequence, decode_image, image_files
+from motion_detect_ros.sources.images import ImageSequence, decode_image, image_files, image_folder
 from motion_detect_ros.sources.opening import open_source
 from motion_detect_ros.sources.video import VideoFile
 from motion_detect_ros.sources.visdrone import visdrone_sequence
@@ -151,3 +154,33 @@ def test_the_log_of_opencv_4_6_is_silenced_too(tmp_path: Path, monkeypatch: pyte
 def test_frame_rate_must_be_positive(tmp_path: Path, fps: float) -> None:
     with pytest.raises(SourceError, match='frame rate: expected a number over 0'):
         open_source(tmp_path, fps)
+
+
+def absurd_png() -> bytes:
+    """A header that promises 100,000 x 100,000 pixels."""
+    header = b'IHDR' + struct.pack('>IIBBBBB', 100_000, 100_000, 8, 0, 0, 0, 0)
+    return b'\x89PNG\r\n\x1a\n' + struct.pack('>I', 13) + header + struct.pack('>I', zlib.crc32(header))
+
+
+def test_a_picture_of_absurd_size_costs_itself_only(tmp_path: Path) -> None:
+    for index in range(3):
+        cv2.imwrite(str(tmp_path / f'{index}.png'), np.full((20, 30), index, np.uint8))
+    (tmp_path / '1.png').write_bytes(absurd_png())
+    with pytest.raises(SourceError, match='33 bytes that are no picture'):
+        decode_image(absurd_png(), 'x')
+    frames = image_folder(tmp_path, 10.0)
+    assert [frame.index for frame in frames] == [0, 2]
+    assert frames.bad_frames == 1
+
+
+def test_names_with_digits_that_are_no_numbers_have_an_order(tmp_path: Path) -> None:
+    for name in ('①.png', 'map10².png', '2.png', '10.png'):
+        (tmp_path / name).touch()
+    assert [file.name for file in image_files(tmp_path)][:2] == ['2.png', '10.png']
+
+
+def test_a_name_that_is_no_utf_8_is_refused_and_shown(tmp_path: Path) -> None:
+    path = Path(os.fsdecode(os.fsencode(tmp_path) + b'/stra\xdfe.mp4'))
+    path.touch()
+    with pytest.raises(SourceError, match=r'stra\\xdfe.mp4: expected a name in UTF-8; rename it'):
+        open_source(path)

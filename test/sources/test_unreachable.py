@@ -61,3 +61,9 @@ def test_nobody_there_and_nobody_who_answers(server):
 @pytest.mark.parametrize('source', ['0', 'udp://127.0.0.1:5000', 'rtsp://', 'rtsp://[::1', 'rtsp://host:99999/'])
 def test_what_cannot_be_asked_has_no_reason(source):
     assert why_unreachable(source) == ''
+
+
+def test_no_part_of_a_password_is_taken_for_the_host() -> None:
+    with socket.create_server(('127.0.0.1', 0)) as server:
+        port = port_of(server)
+    assert why_unreachable(f'rtsp://admin:12/34@127.0.0.1:{port}/live') == 'connection refused'
