@@ -18,7 +18,7 @@ from motion_detect_ros.sources.bags import BagWriter
 from motion_detect_ros.sources.frames import DEFAULT_FPS, FrameSource, SourceFrame
 from motion_detect_ros.sources.images import ImageSequence, image_folder
 from motion_detect_ros.sources.kitti import KittiDrive, OxtsSample
-from motion_detect_ros.sources.opening import check_rate
+from motion_detect_ros.sources.opening import check_name, check_rate
 from motion_detect_ros.sources.truth import read_truth, write_truth
 from motion_detect_ros.sources.video import VideoFile
 from motion_detect_ros.sources.visdrone import truth_of_sequence, visdrone_sequence
@@ -58,9 +58,12 @@ def run(arguments: argparse.Namespace) -> int:
     kind = arguments.kind
     fps = getattr(arguments, 'fps', None)
     check_rate('--fps', fps)
-    refuse_existing([arguments.output], arguments.force)
+    annotations = getattr(arguments, 'annotations', None)
+    written = [arguments.output, truth_path(arguments.output)] if annotations else [arguments.output]
+    refuse_existing(written, arguments.force)
+    check_name(arguments.input)
     source = _open(kind, arguments.input, fps)
-    truth = read_truth(arguments.annotations) if getattr(arguments, 'annotations', None) else None
+    truth = read_truth(annotations) if annotations else None
     if truth is not None and kind == 'visdrone' and isinstance(source, ImageSequence):
         truth = truth_of_sequence(truth, source)
     count = convert(source, arguments.output, getattr(arguments, 'compressed', False), truth)
@@ -74,13 +77,15 @@ def run(arguments: argparse.Namespace) -> int:
 def convert(source: FrameSource, output: Path, compressed: bool = False, truth: RecordArray | None = None) -> int:
     """Write a source to an MCAP file, and its truth (``TRUTH_DTYPE``) to ``<output without suffix>.truth.csv``.
 
+    truth: with the frame numbers of the source; the file counts as the bag does, without the unreadable ones.
+
     Topics: /image_raw (or /image_raw/compressed), /camera_info for every picture (K = 0 where uncalibrated), for
     KITTI /imu and /gps/fix. Returns the number of pictures written. If interrupted, ``<output>.part`` stays, a
     readable bag. Raises: SourceError where ``compressed`` is wanted of files that are neither JPEG nor PNG.
     """
     files = _compressed_files(source) if compressed else ()
     inertial = deque(source.oxts() if isinstance(source, KittiDrive) else ())
-    count = 0
+    written = list[int]()
     with BagWriter(output, compress=False) as bag:
         for frame in track(source, source.frame_count, source.name):
             while inertial and inertial[0].stamp_ns <= frame.stamp_ns:
@@ -91,12 +96,25 @@ def convert(source: FrameSource, output: Path, compressed: bool = False, truth: 
                 bag.write_compressed(file.read_bytes(), _FORMATS[file.suffix.lower()], frame.stamp_ns)
             else:
                 bag.write_image(frame.image, frame.stamp_ns)
-            count += 1
+            written.append(frame.index)
         for sample in inertial:
             _write_oxts(bag, sample)
     if truth is not None:
-        write_truth(output.with_suffix('.truth.csv'), truth)
-    return count
+        write_truth(truth_path(output), _renumbered(truth, written))
+    return len(written)
+
+
+def truth_path(output: Path) -> Path:
+    """Where the truth of a converted bag goes."""
+    return output.with_suffix('.truth.csv')
+
+
+def _renumbered(truth: RecordArray, frames: list[int]) -> RecordArray:
+    """What is true of these frames, which are 0, 1, ... now."""
+    position = {frame: index for index, frame in enumerate(frames)}
+    kept = truth[np.isin(truth['frame'], frames)].copy()
+    kept['frame'] = [position[frame] for frame in kept['frame'].tolist()]
+    return kept
 
 
 def _open(kind: str, path: Path, fps: float | None) -> FrameSource:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.results.files import CSV_NAME
-from motion_detect_ros.results.summary import read_summary
+from motion_detect_ros.results.summary import Summary, read_summary
 
 #: Where the truth of a clip may be in a folder of truth; the third as MOT Challenge lays it out.
 TRUTH_PATTERNS = ('{name}.csv', '{name}.txt', '{name}/gt/gt.txt', '{name}/gt.txt')
@@ -42,13 +42,16 @@ def all_clips(paths: Iterable[Path]) -> dict[str, Path]:
 def truth_of_clips(clips: Mapping[str, Path], truths: Sequence[Path]) -> dict[str, Path]:
     """The truth of each clip: as many files as clips, in their order, or a folder of files matched by name.
 
-    clips: detections.csv by name; the name of the input that its summary tells is looked for too. Clips without truth
-    are not in it. Raises: SourceError where numbers do not fit or nothing matches.
+    clips: detections.csv by name; the name of the input that its summary tells is looked for too, unless it is that of
+    several different inputs. Clips without truth are not in it.
+    Raises: SourceError where numbers do not fit or nothing matches.
     """
     names = list(clips)
     if len(truths) == 1 and truths[0].is_dir():
         found = {name: truth for name, file in clips.items()
                  if (truth := _in_folder(truths[0], name) or _in_folder(truths[0], _input_name(file)))}
+        found = {name: truth for name, truth in found.items() if truth == _in_folder(truths[0], name) or all(
+            _of_one_input(clips[other], clips[name]) for other, same in found.items() if same == truth)}
         if not found:
             looked = ', '.join(pattern.format(name='NAME') for pattern in TRUTH_PATTERNS)
             raise SourceError(f'{truths[0]}: expected truth of {", ".join(names)} as {looked}, found none')
@@ -91,10 +94,25 @@ def _check_inputs(files: Mapping[str, Path]) -> None:
 
 def _input_name(detections: Path) -> str:
     """The name of what was replayed, without its suffix; empty where no summary says so."""
+    summary = _summary(detections)
+    return Path(summary.input).stem if summary else ''
+
+
+def _of_one_input(detections: Path, others: Path) -> bool:
+    """Whether both were made of the same input: of its size, as it may have been moved, else of its path."""
+    one, other = _summary(detections), _summary(others)
+    if one is None or other is None:
+        return one is other
+    if one.input_bytes is not None and other.input_bytes is not None:
+        return one.input_bytes == other.input_bytes
+    return Path(one.input).resolve() == Path(other.input).resolve()
+
+
+def _summary(detections: Path) -> Summary | None:
     try:
-        return Path(read_summary(detections.parent).input).stem
+        return read_summary(detections.parent)
     except SourceError:
-        return ''
+        return None
 
 
 def _in_folder(folder: Path, name: str) -> Path | None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import TRUTH_DTYPE, RecordArray
+from motion_detect_ros.sources.part_file import part_of
 
 CSV_COLUMNS = ('frame', 'id', 'x', 'y', 'w', 'h', 'moving')
 
@@ -86,11 +87,13 @@ def finite_box(cells: Sequence[str]) -> list[float]:
 
 
 def write_truth(path: str | Path, boxes: RecordArray) -> None:
-    """Write boxes of ``TRUTH_DTYPE`` as CSV with all columns; numbers read back exactly."""
-    with Path(path).open('w', newline='', encoding='utf-8') as stream:
+    """Write boxes of ``TRUTH_DTYPE`` as CSV with all columns, whole or not at all; numbers read back exactly."""
+    part = part_of(Path(path))
+    with part.open('w', newline='', encoding='utf-8') as stream:
         writer = csv.writer(stream, lineterminator='\n')
         writer.writerow(CSV_COLUMNS)
         writer.writerows(boxes.tolist())
+    part.replace(path)
 
 
 def _parse(path: Path, lines: list[str], separator: str | None, parse_row: _RowParser) -> RecordArray:

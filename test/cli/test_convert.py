@@ -144,3 +144,29 @@ def test_real_drive_compressed(clips: Path, tmp_path: Path) -> None:
     files = sorted((clips / DRIVE / 'image_02/data').iterdir())
     read = contents(out)['/image_raw/compressed']
     assert [bytes(message.data) for _, message in read] == [file.read_bytes() for file in files]
+
+
+def test_truth_counts_as_the_bag_does_where_pictures_are_unreadable(sequence: Path, tmp_path: Path) -> None:
+    """A box at x = 10 in picture 1, 20 in picture 2, ...; the third is unreadable: the bag's frame 2 is picture 4."""
+    (sequence / '0000003.jpg').write_bytes(b'\xff\xd8 no more')
+    annotations = tmp_path / 'a.txt'
+    annotations.write_text(''.join(f'{number},1,{10 * number},5,8,8,1,4,0,0\n' for number in range(1, 6)))
+    out = tmp_path / 'out.mcap'
+    assert main(['convert', 'visdrone', str(sequence), '-o', str(out), '--annotations', str(annotations)]) == 3
+    truth = read_truth(tmp_path / 'out.truth.csv')
+    assert list(zip(truth['frame'].tolist(), truth['x'].tolist(), strict=True)) == [(0, 10), (1, 20), (2, 40), (3, 50)]
+
+
+def test_a_truth_that_is_there_is_not_overwritten(
+    sequence: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    annotations, mine = tmp_path / 'a.txt', tmp_path / 'out.truth.csv'
+    annotations.write_text('1,1,10,5,8,8,1,4,0,0\n')
+    mine.write_text('made by hand')
+    words = ['convert', 'visdrone', str(sequence), '-o', str(tmp_path / 'out.mcap'), '--annotations', str(annotations)]
+    assert main(words) == 2
+    assert f'{mine}: exists; --force overwrites it' in capsys.readouterr().err
+    assert mine.read_text() == 'made by hand'
+    assert not (tmp_path / 'out.mcap').exists()
+    assert main([*words, '--force']) == 0
+    assert len(read_truth(mine)) == 1

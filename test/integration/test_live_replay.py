@@ -80,7 +80,10 @@ def test_compressed_images(patient: list[str], tmp_path: Path):
             bag.write_camera_info(CAMERA, stamp_ns)
             bag.write_raw('/image_raw/compressed', COMPRESSED_IMAGE, png(index, stamp_ns), stamp_ns)
     words = ['replay', str(tmp_path / 'png.mcap'), *patient, '-o']
+    (tmp_path / 'live').mkdir()
+    (tmp_path / 'live' / 'report.html').write_text('of an earlier replay')
     assert main([*words, str(tmp_path / 'live'), '--live']) == 0
+    assert not (tmp_path / 'live' / 'report.html').exists()
     assert main([*words, str(tmp_path / 'offline')]) == 0
     assert rows(tmp_path / 'live')
     assert rows(tmp_path / 'live') == rows(tmp_path / 'offline')

@@ -10,15 +10,15 @@ import pytest
 from result_samples import summary
 
 from motion_detect_ros.core.errors import SourceError
-from motion_detect_ros.results.clips import clips_of, same_clips
+from motion_detect_ros.results.clips import clips_of, same_clips, truth_of_clips
 
 
-def run_of(folder: Path, source: str | None) -> dict[str, Path]:
+def run_of(folder: Path, source: str | None, size: int | None = None) -> dict[str, Path]:
     """The clips of a result folder; without a source it has no summary."""
     folder.mkdir(parents=True)
     (folder / 'detections.csv').write_text('frame,id,x,y,w,h\n')
     if source is not None:
-        (folder / 'summary.json').write_text(json.dumps(asdict(summary(input=source))))
+        (folder / 'summary.json').write_text(json.dumps(asdict(summary(input=source, input_bytes=size))))
     return clips_of(folder)
 
 
@@ -40,3 +40,20 @@ def test_runs_of_clips_of_the_same_name_and_different_inputs_are_refused(tmp_pat
 def test_an_input_that_was_moved_or_is_not_known_is_taken(tmp_path: Path, other: str | None) -> None:
     runs = {'a': run_of(tmp_path / 'a', 'flights/one.mcap'), 'b': run_of(tmp_path / 'b', other)}
     assert same_clips(runs) == {'a': {run: clips[run] for run, clips in runs.items()}}
+
+
+def test_inputs_of_one_name_do_not_share_a_truth(tmp_path: Path) -> None:
+    """``replay a/cam b/cam`` makes cam and cam-2; the truth of one is none of the other."""
+    clips = {**run_of(tmp_path / 'out' / 'cam', 'a/cam'), **run_of(tmp_path / 'out' / 'cam-2', 'b/cam')}
+    truth = tmp_path / 'truth' / 'cam.csv'
+    truth.parent.mkdir()
+    truth.touch()
+    assert truth_of_clips(clips, [truth.parent]) == {'cam': truth}
+
+
+def test_runs_of_one_input_share_its_truth_also_where_it_was_moved(tmp_path: Path) -> None:
+    clips = {**run_of(tmp_path / 'one', 'a/cam', 77), **run_of(tmp_path / 'two', 'b/cam', 77)}
+    truth = tmp_path / 'truth' / 'cam.csv'
+    truth.parent.mkdir()
+    truth.touch()
+    assert truth_of_clips(clips, [truth.parent]) == {'one': truth, 'two': truth}

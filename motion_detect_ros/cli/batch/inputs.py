@@ -64,9 +64,12 @@ def is_source_folder(folder: Path) -> bool:
 
 
 def size_of(path: str) -> int | None:
-    """Bytes in a file, or in all files of a folder; None where they cannot be looked at."""
+    """Bytes in a file, or in all files of a folder but results of replays; None where they cannot be looked at."""
     try:
-        files = [Path(path)] if Path(path).is_file() else [each for each in Path(path).rglob('*') if each.is_file()]
+        if Path(path).is_file():
+            return Path(path).stat().st_size
+        results = {file.parent for file in Path(path).rglob(SUMMARY_NAME)} - {Path(path)}
+        files = [each for each in Path(path).rglob('*') if each.is_file() and results.isdisjoint(each.parents)]
         return sum(file.stat().st_size for file in files) if files else None
     except OSError:
         return None

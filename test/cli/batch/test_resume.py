@@ -10,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from batch_flights import PATIENCE_S, trap
@@ -214,3 +215,15 @@ def test_nothing_in_the_window_is_said(tmp_path: Path, capsys: pytest.CaptureFix
     words = ['replay', str(write_bag(tmp_path / 'a.mcap')), '-o', str(tmp_path / 'out'), '--start', '9']
     assert main(words) == 1
     assert '0 frames' in said(capsys).partition('; nothing from 9 s')[0]
+
+
+def test_results_inside_of_the_input_do_not_change_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    frames = tmp_path / 'frames'
+    frames.mkdir()
+    for index in range(4):
+        cv2.imwrite(str(frames / f'{index}.png'), np.full((48, 64), 20 * index, np.uint8))
+    words = ['replay', str(frames), '-o', str(frames / 'out'), '--no-report']
+    assert main(words) == 0
+    said(capsys)
+    assert main(words) == 0
+    assert '(finished earlier)' in said(capsys)
