@@ -30,8 +30,9 @@ FORCED, WRONG_USE = 1, 2
 ENDING_TIMEOUT_S = 20.0
 #: Ctrl-C on ros2 launch sends two: the terminal's to the whole process group, and launch's own.
 PATIENT_SIGNALS = 2
-#: The module whose functions LLVM calls, and when to try again where a signal has found one of them, seconds.
-CALLED_BACK, RETRY_S = 'llvmlite/binding/executionengine.py', 0.02
+#: Functions (module, name; empty = all) that C code calls, and when to try again where a signal has found one, seconds:
+#: those that LLVM calls, and what Python's import does when a module's lock goes.
+CALLED_BACK, RETRY_S = (('llvmlite/binding/executionengine.py', ''), ('<frozen importlib._bootstrap>', 'cb')), 0.02
 
 
 class Stopped(BaseException):
@@ -75,9 +76,10 @@ class StopRequest:
 
 
 def _in_callback(frame: FrameType | None) -> bool:
-    """Whether LLVM's compiler has called Python in that frame or above it: what is raised there is printed and lost."""
+    """Whether C code has called Python in that frame or above it: what is raised there is printed and lost."""
     while frame is not None:
-        if frame.f_code.co_filename.endswith(CALLED_BACK):
+        code = frame.f_code
+        if any(code.co_filename.endswith(module) and name in {'', code.co_name} for module, name in CALLED_BACK):
             return True
         frame = frame.f_back
     return False

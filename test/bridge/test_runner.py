@@ -249,11 +249,35 @@ runner.main_of(make)()
 """
 
 
+#: The same while a module's lock goes, whose callback Python's import has.
+IMPORTING_NODE = """
+import importlib._bootstrap as bootstrap, os, signal, sys, time
+from motion_detect_ros.bridge import runner
+
+def signal_in_callback(frame, event, _):
+    if frame.f_code.co_name == 'cb' and frame.f_code.co_filename == '<frozen importlib._bootstrap>':
+        sys.setprofile(None)
+        signal.raise_signal(signal.SIGTERM)
+        for _ in range(1000): pass
+
+def make():
+    lock = bootstrap._get_module_lock('a_module')
+    sys.setprofile(signal_in_callback)
+    del lock
+    sys.setprofile(None)
+    print('compiled on', flush=True)
+    time.sleep(60.0)
+
+runner.main_of(make)()
+"""
+
+
 @pytest.mark.timeout(120)
-def test_a_signal_that_finds_the_compiler_calling_back_counts_after_it():
+@pytest.mark.parametrize('script', [COMPILING_NODE, IMPORTING_NODE], ids=['compiler', 'import'])
+def test_a_signal_that_finds_python_called_back_counts_after_it(script: str):
     started = time.monotonic()
     process = subprocess.Popen(
-        [sys.executable, '-c', COMPILING_NODE], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        [sys.executable, '-c', script], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'})
     await_line(process, 'compiled on')
     assert end_of(process) == (0, '')
