@@ -21,7 +21,6 @@ from motion_detect_ros.cli.live import (
 from motion_detect_ros.core.errors import MessageError, SourceError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.presets import load_preset
-from motion_detect_ros.report.make import REPORT_NAME
 from motion_detect_ros.results.detection_writer import FrameDetections
 from motion_detect_ros.results.files import BAG_NAME, CSV_NAME, SUMMARY_NAME, write_whole
 from motion_detect_ros.results.formats import remove_others
@@ -57,7 +56,6 @@ def replay_live(
         playback = graph.play(bag.resolve(), wanted_images, rate, topics)
     folder.mkdir(parents=True, exist_ok=True)
     remove_others(folder, (CSV_NAME, BAG_NAME, SUMMARY_NAME))
-    (folder / REPORT_NAME).unlink(missing_ok=True)
     frame_of = _frame_numbers(bag, frames.topic.name)
     with DetectionOutputs(folder, str(bag)) as outputs:
         for message in playback.received:

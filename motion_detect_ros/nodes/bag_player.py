@@ -71,9 +71,9 @@ class BagPlayerNode(SourceNode):
 
     def produce(self) -> None:
         """Play, again and again where ``loop`` says so."""
-        if self._images:
-            self.await_subscribers([each for name, each in self._publishers_of.items() if name in self._images],
-                                   lambda: self._ticks.subscribers if self._ticks else 1)
+        images = [each for name, each in self._publishers_of.items() if name in self._images]
+        if images:
+            self.await_subscribers(images, lambda: self._ticks.subscribers if self._ticks else 1)
         if not self._publishers_of:
             raise SourceError(f'{self._bag}: expected a topic whose type is installed, got none')
         while not self.stopped.is_set():

@@ -89,14 +89,14 @@ class CameraNode(SourceNode):
         idle = super().condition()
         if idle.idle:
             return idle
-        behind = 'slower than the camera' if self._capture.stats.behind else self._capture.damage
+        concern = 'slower than the camera' if self._capture.stats.behind else self._capture.damage
         starting = time.monotonic() - self._began_s < STARTING_S
         silence = '' if starting else silent(self.stats.summary(time.monotonic_ns()))
         fault = ': '.join(filter(None, (silence, self._capture.trouble))) if silence else ''
         if bool(fault) != self._lost:
             self._lost = bool(fault)
             self.get_logger().warning(f'{masked(self._source)}: {fault or "pictures come again"}')
-        return Condition(fault, behind)
+        return Condition(fault, concern)
 
     def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:
         """Counts of the capture, and how often a stream was opened anew."""

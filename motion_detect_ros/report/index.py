@@ -12,9 +12,8 @@ from urllib.parse import quote
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import NANOSECONDS
 from motion_detect_ros.report.embedding import check_libraries, render
-from motion_detect_ros.report.make import REPORT_NAME
 from motion_detect_ros.report.replayed import read_replayed
-from motion_detect_ros.results.files import SUMMARY_NAME, write_whole
+from motion_detect_ros.results.files import REPORT_NAME, SUMMARY_NAME, write_whole
 from motion_detect_ros.results.summary import Summary, read_summary
 
 INDEX_NAME = 'index.html'

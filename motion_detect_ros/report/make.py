@@ -9,9 +9,7 @@ from pathlib import Path
 
 from motion_detect_ros.core.errors import BackendError, MotionDetectError, SourceError
 from motion_detect_ros.report.embedding import check_libraries
-from motion_detect_ros.results.files import write_whole
-
-REPORT_NAME = 'report.html'
+from motion_detect_ros.results.files import REPORT_NAME, write_whole
 
 
 def make_report(

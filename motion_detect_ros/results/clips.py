@@ -48,10 +48,7 @@ def truth_of_clips(clips: Mapping[str, Path], truths: Sequence[Path]) -> dict[st
     """
     names = list(clips)
     if len(truths) == 1 and truths[0].is_dir():
-        found = {name: truth for name, file in clips.items()
-                 if (truth := _in_folder(truths[0], name) or _in_folder(truths[0], _input_name(file)))}
-        found = {name: truth for name, truth in found.items() if truth == _in_folder(truths[0], name) or all(
-            _of_one_input(clips[other], clips[name]) for other, same in found.items() if same == truth)}
+        found = _by_name(clips, truths[0])
         if not found:
             looked = ', '.join(pattern.format(name='NAME') for pattern in TRUTH_PATTERNS)
             raise SourceError(f'{truths[0]}: expected truth of {", ".join(names)} as {looked}, found none')
@@ -85,22 +82,29 @@ def same_clips(runs: Mapping[str, Mapping[str, Path]]) -> dict[str, dict[str, Pa
 
 def _check_inputs(files: Mapping[str, Path]) -> None:
     """Raises: SourceError where the summaries beside detections of one clip name different inputs."""
-    known = [(run, name) for run, file in files.items() if (name := _input_name(file))]
+    known = [(run, name) for run, file in files.items() if (name := _stem(_summary(file)))]
     for run, name in known[1:]:
         if name != known[0][1]:
             raise SourceError(f'{files[run]}: expected detections of the same input as in {known[0][0]}, '
                               f'{known[0][1]}, got {name}')
 
 
-def _input_name(detections: Path) -> str:
+def _by_name(clips: Mapping[str, Path], folder: Path) -> dict[str, Path]:
+    """Truth by the name of the clip, else by that of its input unless others of that truth had another input."""
+    exact = {name: _in_folder(folder, name) for name in clips}
+    summaries = {name: _summary(file) for name, file in clips.items()}
+    near = {name: exact[name] or _in_folder(folder, _stem(summaries[name])) for name in clips}
+    return {name: truth for name, truth in near.items() if truth and (exact[name] or all(
+        _of_one_input(summaries[other], summaries[name]) for other, same in near.items() if same == truth))}
+
+
+def _stem(summary: Summary | None) -> str:
     """The name of what was replayed, without its suffix; empty where no summary says so."""
-    summary = _summary(detections)
     return Path(summary.input).stem if summary else ''
 
 
-def _of_one_input(detections: Path, others: Path) -> bool:
+def _of_one_input(one: Summary | None, other: Summary | None) -> bool:
     """Whether both were made of the same input: of its size, as it may have been moved, else of its path."""
-    one, other = _summary(detections), _summary(others)
     if one is None or other is None:
         return one is other
     if one.input_bytes is not None and other.input_bytes is not None:

@@ -10,6 +10,7 @@ from motion_detect_ros.sources.part_file import PartFile, part_of
 CSV_NAME, BAG_NAME, SUMMARY_NAME = 'detections.csv', 'detections.mcap', 'summary.json'
 FRAMES_NAME, TIMES_NAME = 'frames.csv', 'times.csv'
 PARQUET_NAME, MOT_NAME, COCO_NAME = 'detections.parquet', 'mot.txt', 'coco.json'
+REPORT_NAME = 'report.html'
 #: What a replay writes unless told otherwise.
 OUTPUT_NAMES = CSV_NAME, BAG_NAME, SUMMARY_NAME, FRAMES_NAME, TIMES_NAME
 

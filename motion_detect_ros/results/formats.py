@@ -20,6 +20,7 @@ from motion_detect_ros.results.files import (
     FRAMES_NAME,
     MOT_NAME,
     PARQUET_NAME,
+    REPORT_NAME,
     SUMMARY_NAME,
     TIMES_NAME,
 )
@@ -69,14 +70,14 @@ def output_names(formats: Sequence[str]) -> tuple[str, ...]:
 
 
 def remove_others(folder: Path, names: Sequence[str]) -> None:
-    """Remove what an earlier replay left, by its summary, besides ``names``: it would be of another run than they.
+    """Remove what an earlier replay left besides ``names``: its outputs, by its summary, and the report of them.
 
-    Raises: OSError where a file cannot be removed.
+    They would be of another run. Raises: OSError where a file cannot be removed.
     """
     try:
         earlier = output_names([name for name in read_summary(folder).formats if name in FORMATS])
     except SourceError:
-        return
-    for path in (folder / name for name in earlier if name not in names):
+        earlier = ()
+    for path in (folder / name for name in (*earlier, REPORT_NAME) if name not in names):
         path.unlink(missing_ok=True)
         part_of(path).unlink(missing_ok=True)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -23,6 +24,8 @@ TIMEOUT_S = 300.0
 ASK_AGAIN_S = 5.0
 #: Messages that may wait in publishers and subscriptions where none may be lost.
 DEEP = 1000
+#: What stages count of their images, in diagnostics.
+COUNTED = {'received', 'processed', 'dropped', 'stamps_seen', 'stamps_late', 'stamps_jump'}
 
 
 class Peer:
@@ -145,6 +148,39 @@ def ready(peer: Peer, topic: str, count: int = 1) -> bool:
     for node in set(peer.subscribed(topic)):
         peer.known_to(node)
     return True
+
+
+def found_each_other(
+    peer: Peer, nodes: Sequence[str], reports: list[DiagnosticArray], answers: list[Any], send: Callable[[int], None],
+    cycle: int = 1,
+) -> int:
+    """How many images it took until stages as separate nodes answered, idle again: the first ones may be lost.
+
+    reports: of /diagnostics, the latest stay; send: publishes the image of that number; cycle: as many at a time.
+    """
+    sent = 0
+
+    def answered() -> bool:
+        nonlocal sent
+        for number in range(sent, sent + cycle):
+            send(number)
+        sent += cycle
+        peer.rest(0.1)
+        return bool(answers)
+
+    def of(node: str) -> list[dict[str, str]]:
+        return [{pair.key: pair.value for pair in message.status[0].values if pair.key in COUNTED}
+                for message in reports if message.status[0].name == f'/{node}']
+
+    def idle() -> bool:
+        """Three reports of each that say the same."""
+        reports.clear()
+        assert peer.until(lambda: all(len(of(node)) >= 3 for node in nodes))
+        return all(of(node)[0] == (last := of(node)[-1]) and last['received'] == str(sent) for node in nodes)
+
+    assert peer.until(answered)
+    assert peer.until(idle)
+    return sent
 
 
 def deep(*topics: str) -> tuple[str, ...]:

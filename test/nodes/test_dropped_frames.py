@@ -6,17 +6,18 @@ from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from peers import Peer, image_message, lossless, picture, ready, small
+from peers import Peer, found_each_other, image_message, lossless, picture, ready, small
 from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Header
 
 from motion_detect_ros.bridge.images import header_of, image_to_msg, stamp_ns
 
 STAGES = ('ego_motion', 'optical_flow', 'art2_clustering')
 
 
-def stamp_of_number(number: int) -> int:
+def header_of_image(number: int) -> Header:
     """10 Hz, from 0.1 s on."""
-    return (number + 1) * 100_000_000
+    return header_of((number + 1) * 100_000_000, 'front')
 
 
 class Graph:
@@ -26,49 +27,24 @@ class Graph:
         self._peer = peer
         for stage in STAGES:
             start(stage, *small(*settings), *lossless('image_raw', 'ego_motion', 'flow', 'detections'))
-        self._reports = peer.subscribe(DiagnosticArray, '/diagnostics', 1000)
+        self.diagnostics = peer.subscribe(DiagnosticArray, '/diagnostics', 1000)
         self.answers = peer.subscribe(PointCloud2, 'detections', 1000)
         self.publisher = peer.advertise(Image, 'image_raw')
         assert ready(peer, 'image_raw', len(STAGES))
 
     def publish(self, index: int, number: int) -> None:
         """Picture ``index`` as image ``number``."""
-        self.publisher.publish(image_to_msg(picture(index), header_of(stamp_of_number(number), 'front')))
-
-    def found_each_other(self, cycle: int) -> int:
-        """How many images, whole cycles, it took until the stages answered, idle again: the first may be lost."""
-        sent = 0
-
-        def answered() -> bool:
-            nonlocal sent
-            for index in range(cycle):
-                self.publish(index, sent + index)
-            sent += cycle
-            self._peer.rest(0.2)
-            return bool(self.answers)
-
-        def idle() -> bool:
-            """Nothing new in three reports."""
-            before, reports = self._work(), self.reports
-            assert self._peer.until(lambda: self.reports >= reports + 3)
-            return before == self._work() and all(self.counted(stage, 'received') == sent for stage in STAGES)
-
-        assert self._peer.until(answered)
-        assert self._peer.until(idle)
-        return sent
-
-    def _work(self) -> list[int]:
-        return [len(self.answers), *(self.counted(stage, 'processed') for stage in STAGES)]
+        self.publisher.publish(image_to_msg(picture(index), header_of_image(number)))
 
     @property
     def reports(self) -> int:
         """How many have come of the first stage."""
-        return sum(status.name == f'/{STAGES[0]}' for report in self._reports for status in report.status)
+        return sum(status.name == f'/{STAGES[0]}' for report in self.diagnostics for status in report.status)
 
     def counted(self, stage: str, name: str) -> int:
         """A counter in the latest report of a stage; -1 before the first."""
         values = [{pair.key: pair.value for pair in status.values}
-                  for report in self._reports for status in report.status if status.name == f'/{stage}']
+                  for report in self.diagnostics for status in report.status if status.name == f'/{stage}']
         return int(values[-1][name]) if values else -1
 
     def await_count(self, stage: str, name: str, wanted: int) -> None:
@@ -117,7 +93,8 @@ def test_the_first_stage_drops_what_is_too_much_and_images_are_answered_after_it
 
 @pytest.mark.parametrize('graph', [('load.decimation_keep:=2', 'load.decimation_of:=5')], indirect=True, ids=['2 of 5'])
 def test_m_of_n_images_are_answered_and_none_counts_as_dropped(graph: Graph, peer: Peer):
-    first = graph.found_each_other(5)
+    first = found_each_other(
+        peer, STAGES, graph.diagnostics, graph.answers, lambda number: graph.publish(number % 40, number), cycle=5)
     dropped = {stage: graph.counted(stage, 'dropped') for stage in STAGES}
     processed = {stage: graph.counted(stage, 'processed') for stage in STAGES}
     graph.answers.clear()
@@ -127,7 +104,7 @@ def test_m_of_n_images_are_answered_and_none_counts_as_dropped(graph: Graph, pee
         if index in kept:
             wanted = kept.index(index) + 1
             assert peer.until(lambda wanted=wanted: len(graph.answers) == wanted), f'no answer to image {index}'
-    assert [stamp_ns(message.header) for message in graph.answers] == [stamp_of_number(first + index) for index in kept]
+    assert [message.header for message in graph.answers] == [header_of_image(first + index) for index in kept]
     for stage in STAGES:
         graph.await_count(stage, 'received', first + 40)
         graph.await_count(stage, 'processed', processed[stage] + len(kept))

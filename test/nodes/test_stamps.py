@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Sequence
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from peers import PATIENT, Peer, picture, ready, small
-from rclpy.publisher import Publisher
+from peers import COUNTED, PATIENT, found_each_other, picture, ready, small
 from sensor_msgs.msg import Image, PointCloud2
 
 from motion_detect_ros.bridge.images import header_of, image_to_msg, stamp_ns
@@ -26,11 +24,15 @@ ARRIVALS = {
     'shuffled by three': [first + offset for first in range(0, FRAMES, 3) for offset in (1, 2, 0)],
 }
 NEW_FLIGHT_NS = 60_000_000_000
-COUNTED = {'received', 'processed', 'dropped', 'stamps_seen', 'stamps_late', 'stamps_jump'}
 
 
 def image(index: int, stamp: int) -> Image:
     return image_to_msg(picture(index), header_of(stamp, 'front'))
+
+
+def early(number: int) -> Image:
+    """Before the flights of the test."""
+    return image(number % FRAMES, (number + 1) * PERIOD_NS)
 
 
 def running_maxima(numbers: list[int]) -> list[int]:
@@ -47,34 +49,6 @@ def counts(reports: list[DiagnosticArray], node: str) -> Counter[str]:
     return Counter({key: int(value) for key, value in values(reports, node).items() if key in COUNTED})
 
 
-def counts_after_an_answer(
-    peer: Peer, publisher: Publisher, nodes: Sequence[str], answers: list[PointCloud2], reports: list[DiagnosticArray],
-) -> dict[str, Counter[str]]:
-    """What the nodes have counted when they have found each other, which costs the first images, and are idle."""
-    sent = 0
-
-    def answered() -> bool:
-        nonlocal sent
-        sent += 1
-        publisher.publish(image(sent, sent * PERIOD_NS))
-        peer.rest(0.1)
-        return bool(answers)
-
-    def idle() -> bool:
-        """Three reports of each that say the same."""
-        reports.clear()
-        assert peer.until(lambda: all(len(of(node)) >= 3 for node in nodes))
-        return all(counts(of(node)[:1], node) == (last := counts(reports, node)) and last['received'] == sent
-                   for node in nodes)
-
-    def of(node: str) -> list[DiagnosticArray]:
-        return [message for message in reports if message.status[0].name == f'/{node}']
-
-    assert peer.until(answered)
-    assert peer.until(idle)
-    return {node: counts(reports, node) for node in nodes}
-
-
 @pytest.mark.parametrize('graph', GRAPHS)
 def test_images_seen_already_or_late_are_left_out_and_nothing_else_is_lost(graph, peer, start, shown):
     for node in GRAPHS[graph]:
@@ -83,7 +57,8 @@ def test_images_seen_already_or_late_are_left_out_and_nothing_else_is_lost(graph
     reports = peer.subscribe(DiagnosticArray, '/diagnostics')
     publisher = peer.advertise(Image, 'image_raw')
     assert ready(peer, 'image_raw', len(GRAPHS[graph]))
-    before = counts_after_an_answer(peer, publisher, GRAPHS[graph], answers, reports)
+    found_each_other(peer, GRAPHS[graph], reports, answers, lambda number: publisher.publish(early(number)))
+    before = {node: counts(reports, node) for node in GRAPHS[graph]}
     sent = left_out = 0
     for number, (name, arrivals) in enumerate(ARRIVALS.items(), start=1):
         answers.clear()
@@ -158,7 +133,7 @@ def test_a_negative_stamp_costs_its_image_only_in_every_node(graph, peer, start,
     reports = peer.subscribe(DiagnosticArray, '/diagnostics')
     publisher = peer.advertise(Image, 'image_raw')
     assert ready(peer, 'image_raw', len(GRAPHS[graph]))
-    counts_after_an_answer(peer, publisher, GRAPHS[graph], answers, reports)
+    found_each_other(peer, GRAPHS[graph], reports, answers, lambda number: publisher.publish(early(number)))
     answers.clear()
     egos.clear()
     stamps = [NEW_FLIGHT_NS + index * PERIOD_NS for index in range(8)]

@@ -68,9 +68,10 @@ def size_of(path: str) -> int | None:
     try:
         if Path(path).is_file():
             return Path(path).stat().st_size
-        results = {file.parent for file in Path(path).rglob(SUMMARY_NAME)} - {Path(path)}
-        files = [each for each in Path(path).rglob('*') if each.is_file() and results.isdisjoint(each.parents)]
-        return sum(file.stat().st_size for file in files) if files else None
+        files = [each for each in Path(path).rglob('*') if each.is_file()]
+        results = {file.parent for file in files if file.name == SUMMARY_NAME} - {Path(path)}
+        sizes = [file.stat().st_size for file in files if results.isdisjoint(file.parents)]
+        return sum(sizes) if sizes else None
     except OSError:
         return None
 

@@ -33,7 +33,7 @@ from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.pipeline import Measured, MotionPipeline, use_threads
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.core.stamp_order import StampOrder
-from motion_detect_ros.report.make import REPORT_NAME, report_after_replay
+from motion_detect_ros.report.make import report_after_replay
 from motion_detect_ros.results.formats import output_names, remove_others
 from motion_detect_ros.results.outputs import ReplayOutputs
 from motion_detect_ros.results.summary import Percentiles, Summary, write_summary
@@ -199,7 +199,7 @@ def _begin(job: Job, summary: Summary) -> None:
     _make_folder(job.folder)
     names = output_names(job.formats)
     remove_others(job.folder, names)
-    for name in (*names, REPORT_NAME):
+    for name in names:
         for file in (job.folder / name, part_of(job.folder / name)):
             file.unlink(missing_ok=True)
     write_summary(job.folder, summary)

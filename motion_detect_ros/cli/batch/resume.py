@@ -13,8 +13,8 @@ from motion_detect_ros.cli.batch.jobs import Job, Outcome
 from motion_detect_ros.cli.batch.one_input import outcome_of
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.settings import settings
-from motion_detect_ros.report.make import REPORT_NAME, report_after_replay
-from motion_detect_ros.results.files import SUMMARY_NAME
+from motion_detect_ros.report.make import report_after_replay
+from motion_detect_ros.results.files import REPORT_NAME, SUMMARY_NAME
 from motion_detect_ros.results.formats import output_names
 from motion_detect_ros.results.summary import WINDOW_FIELDS, Summary, read_summary
 from motion_detect_ros.sources.part_file import part_of
