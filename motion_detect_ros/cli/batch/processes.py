@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import NoReturn
@@ -34,11 +35,19 @@ class Worker:
 
     @classmethod
     def begin(cls, job: Job, workers: int) -> Worker:
-        """Start a process with its first job. Spawned, not forked: thread pools of OpenCV and numba survive no fork."""
+        """Start a process with its first job. Spawned, not forked: thread pools of OpenCV and numba survive no fork.
+
+        It is born with SIGINT blocked: the terminal's interrupts are its parent's also until ``serve`` can say so.
+        """
         context = multiprocessing.get_context('spawn')
         ours, its = context.Pipe()
         process = context.Process(target=serve, args=(its, workers), daemon=True)
-        process.start()
+        resource_tracker.ensure_running()  # which unblocks signals when it starts
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
         its.close()  # so that its death is the end of the connection
         worker = cls(process, ours, job)
         worker.give(job)

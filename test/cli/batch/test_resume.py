@@ -151,6 +151,33 @@ def test_an_interrupted_replay_of_many_closes_its_files_and_goes_on_later(tmp_pa
     assert states == ['finished earlier', 'done', 'done']
 
 
+#: Imported by every Python before all else: a process of the batch takes long to start.
+SLOW_START = """
+import os, pathlib, sys, time
+if '--multiprocessing-fork' in sys.orig_argv:
+    pathlib.Path(os.environ['STARTED']).touch()
+    time.sleep(2.0)
+"""
+
+
+def test_an_interrupt_while_processes_start_is_one_line(tmp_path: Path):
+    for name in 'ab':
+        write_bag(tmp_path / 'bags' / f'{name}.mcap')
+    (tmp_path / 'sitecustomize.py').write_text(SLOW_START)
+    started = tmp_path / 'started'
+    words = ['replay', str(tmp_path / 'bags'), '-o', str(tmp_path / 'out'), '--workers', '2', '--no-report']
+    running = subprocess.Popen(
+        [sys.executable, '-m', 'motion_detect_ros', *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        start_new_session=True, env={**os.environ, 'PYTHONPATH': str(tmp_path), 'STARTED': str(started)})
+    deadline = time.monotonic() + PATIENCE_S
+    while not started.exists():
+        assert time.monotonic() < deadline and running.poll() is None
+        time.sleep(0.01)
+    os.killpg(running.pid, signal.SIGINT)
+    _, stderr = running.communicate(timeout=PATIENCE_S)
+    assert stderr == 'interrupted; what was written so far is kept in the .part files\n'
+
+
 @pytest.mark.parametrize(('words', 'difference'), [
     (['--every', '2'], 'every not given, now 2'),
     (['--start', '0.1'], 'start_s not given, now 0.1'),
