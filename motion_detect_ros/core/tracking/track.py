@@ -29,8 +29,9 @@ LOG_ODDS_MEMORY_S = 0.18
 MISS_LOG_ODDS = -1.0
 MAX_LOG_ODDS = 10.0
 PERIOD_S = 0.04
-#: Weight of a new size against the remembered one.
-SIZE_GAIN = 0.4
+#: Weight of a new size against the remembered one where they are alike; half of it where they differ by a factor of e
+#: (Cauchy): a part, or two objects taken for one.
+SIZE_GAIN = 0.3
 #: How fast an object that is recognised by its appearance, but shows no motion, comes to rest, seconds.
 REST_S = 0.08
 
@@ -112,8 +113,9 @@ class Track:
 
     def update(self, seen: Candidate, dt_s: float) -> None:
         """Correct with a detection's centre and flow velocity (Kalman 1960); sizes are averaged, log odds add up."""
+        mismatch = np.log(seen.size / self.size)
         self._filter.correct(seen.centre, seen.velocity_px_s, self._noise(self.size))
-        self.size = self.size + SIZE_GAIN * (seen.size - self.size)
+        self.size = self.size + SIZE_GAIN / (1.0 + mismatch * mismatch) * (seen.size - self.size)
         self._add_log_odds(seen.log_odds, _weight(dt_s), dt_s)
         self.approach.update(seen.growth)
         self.seen = seen

@@ -14,6 +14,7 @@ from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.scoring import probability
 from motion_detect_ros.core.forgetting import kept
 from motion_detect_ros.core.tracking.alternatives.appearance import APPEARANCE_MODELS
+from motion_detect_ros.core.tracking.nested import known_longest
 from motion_detect_ros.core.tracking.track import Track
 from motion_detect_ros.core.tracking.travel import Others
 from motion_detect_ros.core.types import ByteArray, DoubleArray, RecordArray, empty_detections
@@ -183,7 +184,8 @@ class Tracker:
         return not track.detected.missed_longer_than(self._config.confirm_window_s - self._config.confirm_s)
 
     def _report(self, width: int, height: int) -> RecordArray:
-        shown = [track for track in self._tracks if track.id and track.belief >= self._config.show_log_odds]
+        shown = known_longest(
+            [track for track in self._tracks if track.id and track.belief >= self._config.show_log_odds])
         records = empty_detections(len(shown))
         for record, track in zip(records, shown, strict=True):
             (record['u'], record['v']), (record['width'], record['height']) = track.visible(width, height)

@@ -64,6 +64,61 @@ def test_a_faint_object_beside_a_larger_one_is_taken_for_a_part_of_it():
     assert first_report(2.0, others=(large,), top=300.0) == 20
 
 
+def two_views(offset=(4.0, 0.0), size=(14.0, 14.0), velocity=(20.0, 0.0)) -> list[int]:
+    """Objects reported in each frame: one of 30 x 20 px that goes 20 px/s, and from frame 5 on a second one at an
+    offset from it.
+    """
+    tracker, counts = Tracker(CONFIG), []
+    for index in range(12):
+        whole = candidate(100.0 + 1.0 * index, 100.0, (20.0, 0.0))
+        place = whole.centre + offset + np.array(velocity) * DT_S * (index - 9) - np.array([1.0, 0.0]) * (index - 9)
+        second = [candidate(*place, velocity, size)] if index >= 5 else []
+        counts.append(len(tracker.step([whole, *second], np.eye(3), DT_S, 640, 480)))
+    return counts
+
+
+def test_a_part_of_a_tracked_object_is_no_second_one():
+    assert two_views()[-1] == 1
+    assert two_views(size=(44.0, 30.0))[-1] == 1  # nor is what holds it and its surroundings
+
+
+def test_neighbours_and_what_crosses_an_object_are_objects_of_their_own():
+    assert two_views(offset=(26.0, 0.0))[-1] == 2
+    assert two_views(offset=(12.0, 8.0))[-1] == 2  # they share less than most of the smaller one
+    assert two_views(velocity=(-20.0, 0.0))[9] == 2
+
+
+def test_of_two_views_of_an_object_the_one_known_longer_is_reported():
+    tracker = Tracker(CONFIG)
+    for index in range(12):
+        second = [candidate(102.0, 100.0, size=(12.0, 12.0), log_odds=9.0)] if index >= 4 else []
+        records = tracker.step([candidate(100.0, 100.0), *second], np.eye(3), DT_S, 640, 480)
+    assert records['width'].tolist() == [30.0]
+    for _ in range(3):  # the whole is not found any more, so it ends, and the part is all that is known
+        records = tracker.step([candidate(102.0, 100.0, size=(12.0, 12.0))], np.eye(3), DT_S, 640, 480)
+    assert records['id'].tolist() == [2]
+
+
+def test_a_box_that_shows_something_else_for_a_frame_hardly_changes_the_size():
+    def after(wrong: tuple[float, float], right: tuple[float, float] = (30.0, 20.0)) -> float:
+        tracker = Tracker(CONFIG)
+        for index in range(12):
+            records = tracker.step([candidate(100.0, 100.0, size=wrong if index == 11 else right)], np.eye(3), DT_S,
+                                   640, 480)
+        return float(records['width'][0])
+
+    assert 31.0 < after((36.0, 20.0)) < 34.0  # noise is averaged
+    assert after((90.0, 20.0)) - 30.0 < 0.15 * 60.0  # a merge with a neighbour counts less
+    assert 30.0 - after((10.0, 20.0)) < 0.15 * 20.0  # as a fragment does
+
+
+def test_the_size_follows_an_object_that_grows():
+    tracker = Tracker(CONFIG)
+    for index in range(40):
+        records = tracker.step([candidate(200.0, 200.0, size=(30.0 * 1.03 ** index, 20.0))], np.eye(3), DT_S, 640, 480)
+    assert records['width'][0] == pytest.approx(30.0 * 1.03 ** 39, rel=0.12)
+
+
 def test_velocity_is_that_over_ground_however_the_camera_zooms_and_pans():
     zoom = np.array([[1.01, 0, -4.0], [0, 1.01, 2.0], [0, 0, 1]])
     tracker, position, velocity = Tracker(CONFIG), np.array([200.0, 150.0]), np.array([80.0, -40.0])
@@ -93,21 +148,34 @@ def labelled(places: np.ndarray, labels: list[int], size=(30.0, 30.0)) -> list[C
     return [replace(candidate(*place, size=size), cluster=label) for place, label in zip(places, labels, strict=True)]
 
 
-def joined(before: list[Candidate], after: list[Candidate]) -> dict[int, int]:
-    """Label before -> label after, for the tracks of objects that stood still for a while."""
+def joined(before: list[Candidate], after: list[Candidate], without_ego_motion: int = 0) -> dict[int, int]:
+    """Label before -> label after, for the tracks of objects that stood still for a while; frames in between."""
     tracker = Tracker(CONFIG)
     for _ in range(4):
         first = tracker.step(before, np.eye(3), DT_S, 640, 480)
     assert len(first) == len(before)
+    for _ in range(without_ego_motion):
+        tracker.coast(None, DT_S, 640, 480)
     second = {int(record['id']): int(record['cluster']) for record in tracker.step(after, np.eye(3), DT_S, 640, 480)}
     return {int(record['cluster']): second[int(record['id'])] for record in first}
 
 
+def apart(random: np.random.Generator) -> np.ndarray:
+    """(4, 2) places of boxes of 30 x 30 px that share less than 60 % of their area."""
+    while True:
+        places = random.uniform(100.0, 124.0, (4, 2))
+        shared = np.clip(30.0 - np.abs(places[:, None] - places), 0.0, None).prod(axis=2) / 900.0
+        if (shared - np.eye(4)).max() < 0.6:
+            return places
+
+
 @pytest.mark.parametrize('seed', range(20))
 def test_of_all_pairings_the_one_with_the_least_sum_of_distances_is_taken(seed: int):
-    before, after = np.random.default_rng(seed).uniform(100.0, 112.0, (2, 5, 2))
-    best = min(permutations(range(5)), key=lambda order: np.hypot(*(after[list(order)] - before).T).sum())
-    assert joined(labelled(before, [1, 2, 3, 4, 5]), labelled(after, [11, 12, 13, 14, 15])) == {
+    random = np.random.default_rng(seed)
+    before, after = apart(random), apart(random)
+    best = min(permutations(range(4)), key=lambda order: np.hypot(*(after[list(order)] - before).T).sum())
+    # Frames without ego-motion open the gate, 21 px, to all pairs.
+    assert joined(labelled(before, [1, 2, 3, 4]), labelled(after, [11, 12, 13, 14]), without_ego_motion=1) == {
         index + 1: other + 11 for index, other in enumerate(best)}
 
 
