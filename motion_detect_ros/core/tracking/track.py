@@ -19,14 +19,14 @@ from motion_detect_ros.core.types import DoubleArray
 
 #: Measurement noise of a box centre, share of the box's side; and process noise of the velocity, shares per second.
 CENTRE_SHARE = 0.12
-ACCELERATION_SHARE = 2.0
+ACCELERATION_SHARE = 4.0
 MIN_CENTRE_PX = 1.0
 #: The process noise of small objects is that of this size at least, pixels.
 MIN_ACCELERATION_PX = 8.0
 #: Time constant of the log odds, seconds; log odds of a miss; their maximum; and the frame period of weight 1, seconds:
 #: longer periods have a larger weight, so that the sum does not depend on the frame rate.
 LOG_ODDS_MEMORY_S = 0.18
-MISS_LOG_ODDS = -1.0
+MISS_LOG_ODDS = -2.0
 MAX_LOG_ODDS = 10.0
 PERIOD_S = 0.04
 #: Weight of a new size against the remembered one where they are alike; half of it where they differ by a factor of e
