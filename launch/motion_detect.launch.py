@@ -39,8 +39,7 @@ def describe(context):
     common = {'autostart': flag('autostart', value['autostart']),
               'use_sim_time': flag('use_sim_time', value['use_sim_time'])}
     images = {**common, 'image_reliability': value['image_reliability'],
-              'image_transport': value['image_transport']}
-    stage = {**images, 'rectified': flag('rectified', value['rectified'])}
+              'image_transport': value['image_transport'], 'rectified': flag('rectified', value['rectified'])}
     stages = STAGES[value['mode']]
     respawn = flag('use_respawn', value['use_respawn'])
 
@@ -56,7 +55,7 @@ def describe(context):
             additional_env=additional_environment(),
             **{'respawn': respawn, 'respawn_delay': 2.0, **options})
 
-    nodes = [node(name, stage) for name in stages]
+    nodes = [node(name, images) for name in stages]
     if flag('camera', value['camera']):
         camera = {**common, 'source': text(value['source']), 'frame_id': text(value['frame_id'])}
         if is_address(value['source']):

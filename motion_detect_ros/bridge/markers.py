@@ -36,17 +36,18 @@ ID_MASK = 0x7FFFFFFF
 class MarkerWriter:
     """Remembers which objects are shown, so that those that vanish are deleted.
 
-    box_distance_m: where boxes are drawn besides, as a camera tells no distance; 0 = no boxes.
+    box_distance_m: where boxes are drawn besides, as a camera tells no distance; 0 = no boxes. rectified: as for
+    ``camera_of``.
     """
 
-    def __init__(self, box_distance_m: float = 0.0) -> None:
+    def __init__(self, box_distance_m: float = 0.0, rectified: bool = False) -> None:
         self._shown: frozenset[int] = frozenset()
         self._camera: CameraModel | None = None
-        self._box_distance_m = box_distance_m
+        self._box_distance_m, self._rectified = box_distance_m, rectified
 
     def use_camera(self, info: CameraInfo) -> None:
         """The calibration of the images, which boxes need."""
-        self._camera = camera_of(info)
+        self._camera = camera_of(info, self._rectified)
 
     def message(self, records: RecordArray, header: Header) -> MarkerArray:
         """An arrow along the bearing, a label (id, time to contact where known) and a box for every object.

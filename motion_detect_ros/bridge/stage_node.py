@@ -17,13 +17,14 @@ from motion_detect_ros.bridge.calibration import Calibration
 from motion_detect_ros.bridge.console import ImageLog
 from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.gyro import GyroInput, Sink
+from motion_detect_ros.bridge.image_input import ImageInput
 from motion_detect_ros.bridge.image_stream import ImageStream
 from motion_detect_ros.bridge.images import image_from_msg, stamp_ns
 from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode
 from motion_detect_ros.bridge.params import declare_config, declare_simple
-from motion_detect_ros.bridge.qos import IMAGE_RELIABILITIES, IMAGE_TRANSPORTS, image_qos, overridable
+from motion_detect_ros.bridge.qos import image_qos, overridable
 from motion_detect_ros.bridge.sync import ExactJoin
-from motion_detect_ros.bridge.topics import CAMERA_INFO, COMPRESSED, FLOW, IMAGE, Topic
+from motion_detect_ros.bridge.topics import CAMERA_INFO, FLOW, Topic
 from motion_detect_ros.bridge.worker import Worker
 from motion_detect_ros.core.compilation import compilation_told
 from motion_detect_ros.core.errors import MessageError, MotionDetectError
@@ -61,14 +62,7 @@ class StageNode(ManagedNode):
         self.config = declare_config(self, self.used)
         self._new_config = self.config
         self.live.add([name for name, _, _ in settings(self.config)], self._take_settings, self._check_settings)
-        self._reliability = str(declare_simple(
-            self, 'image_reliability', 'auto', 'asked of image publishers; auto: reliable, best effort where one is',
-            choices=IMAGE_RELIABILITIES))
-        self._compressed = declare_simple(
-            self, 'image_transport', 'raw', 'images: image_raw or image_raw/compressed',
-            choices=IMAGE_TRANSPORTS) == 'compressed'
-        self._rectified = bool(declare_simple(
-            self, 'rectified', False, 'the images are rectified: camera_info matrix P holds, not K'))
+        self._image_input = ImageInput.declared(self)
         self._queue_size = int(declare_simple(
             self, 'queue_size', 2, 'images that may wait for this stage; more are dropped, oldest first', 1, 1000))
         reorder_s = float(declare_simple(
@@ -77,9 +71,8 @@ class StageNode(ManagedNode):
             self, 'stamp_missing', 'refuse', 'images without a stamp: leave them out, or use the time of arrival',
             choices=('refuse', 'arrival')) == 'arrival' and not self.inputs
         self._join = ExactJoin(('image', *(topic.name for topic in self.inputs)), 2 * self._queue_size + 8, reorder_s)
-        self._image_topic = COMPRESSED if self._compressed else IMAGE
-        self._stream = ImageStream(self._compressed)
-        self._calibration = Calibration(self._rectified)
+        self._stream = ImageStream(self._image_input.compressed)
+        self._calibration = Calibration(self._image_input.rectified)
         self.latest: tuple[tuple[str, str], ...] = ()
         self._decimation = FrameDecimation(self.config.load.decimation_keep, self.config.load.decimation_of)
         self._worker: Worker[tuple[Any, ...]] | None = None
@@ -126,20 +119,20 @@ class StageNode(ManagedNode):
         """Subscribe."""
         self._decimation.reset()
         self._decoder = ImageDecoder()
-        self._stream = ImageStream(self._compressed)
+        self._stream = ImageStream(self._image_input.compressed)
         self.stats.expect_nothing()
         # A stage that joins what another made of each image needs neighbours; the first one may jump.
         self._worker = Worker(self._guarded, self._queue_size, self.stats.count_dropped, jumps=not self.inputs)
-        quality = image_qos(self._reliability, SUBSCRIPTION_DEPTH)
-        self._images = ImageLog(self, self._image_topic.name, [FLOW.name])
-        self._subscribe_input(self._image_topic, 'image', quality, self._reliability == 'auto')
+        quality = image_qos(self._image_input.reliability, SUBSCRIPTION_DEPTH)
+        self._images = ImageLog(self, self._image_input.topic.name, [FLOW.name])
+        self._subscribe_input(self._image_input.topic, 'image', quality, self._image_input.relaxes)
         for topic in self.inputs:
             self._subscribe_input(topic, topic.name, image_qos('reliable', SUBSCRIPTION_DEPTH))
         sink = self.gyro_sink() if self.config.imu.use else None
         self._gyro = GyroInput(self, sink, self.config.imu.time_offset_s) if sink else None
         if self.uses_camera:
             self.subscribe(CAMERA_INFO.kind, CAMERA_INFO.name, self._on_camera,
-                           image_qos(self._reliability, SUBSCRIPTION_DEPTH), self._reliability == 'auto',
+                           image_qos(self._image_input.reliability, SUBSCRIPTION_DEPTH), self._image_input.relaxes,
                            qos_overriding_options=overridable())
 
     def end(self) -> None:
@@ -257,7 +250,7 @@ class StageNode(ManagedNode):
 
     def _values(self, messages: tuple[Any, ...]) -> list[Any]:
         image, *others = messages
-        return [self._read(self._image_topic, lambda msg: image_from_msg(msg, self._decoder), image),
+        return [self._read(self._image_input.topic, lambda msg: image_from_msg(msg, self._decoder), image),
                 *(self._read(topic, topic.from_msg, message)
                   for topic, message in zip(self.inputs, others, strict=True))]
 

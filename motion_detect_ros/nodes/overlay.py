@@ -7,20 +7,19 @@ from collections.abc import Callable
 from typing import Any
 
 from motion_detect_ros.bridge.diagnostics import Condition
+from motion_detect_ros.bridge.image_input import ImageInput
 from motion_detect_ros.bridge.images import image_from_msg, stamp_ns
 from motion_detect_ros.bridge.managed_node import ManagedNode
 from motion_detect_ros.bridge.markers import MarkerWriter
 from motion_detect_ros.bridge.params import declare_simple
-from motion_detect_ros.bridge.qos import IMAGE_RELIABILITIES, IMAGE_TRANSPORTS, image_qos
+from motion_detect_ros.bridge.qos import image_qos
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.sync import ExactJoin
 from motion_detect_ros.bridge.topics import (
     CAMERA_INFO,
-    COMPRESSED,
     DETECTIONS,
     FLOW,
     FLOW_COLORS,
-    IMAGE,
     MARKERS,
     OVERLAY,
     OVERLAY_JPEG,
@@ -41,14 +40,11 @@ class OverlayNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__('overlay')
-        self._reliability = str(declare_simple(
-            self, 'image_reliability', 'auto', 'asked of image publishers; auto: reliable, best effort where one is',
-            choices=IMAGE_RELIABILITIES))
-        self._image = {'raw': IMAGE, 'compressed': COMPRESSED}[str(declare_simple(
-            self, 'image_transport', 'raw', 'images: image_raw or image_raw/compressed', choices=IMAGE_TRANSPORTS))]
+        self._image_input = ImageInput.declared(self)
         self._join = ExactJoin(('image', 'detections'), WAITING, REORDER_S)
         self._markers = MarkerWriter(float(declare_simple(
-            self, 'box_distance_m', 0.0, 'distance at which ~/markers has boxes too, 0 = none', 0.0, 1000.0)))
+            self, 'box_distance_m', 0.0, 'distance at which ~/markers has boxes too, 0 = none', 0.0, 1000.0)),
+            self._image_input.rectified)
         self._decoder, self._drops, self._inputs = ImageDecoder(), 0, tuple[Topic, ...]()
         self.every(DEMAND_PERIOD_S, self._follow_demand)
 
@@ -85,9 +81,9 @@ class OverlayNode(ManagedNode):
         self.unsubscribe()
         self._join.clear()
         self._inputs = wanted
-        quality, relax = image_qos(self._reliability), self._reliability == 'auto'
-        if self._image in wanted:
-            self.subscribe(self._image.kind, self._image.name, self._on_image, quality, relax)
+        quality, relax = image_qos(self._image_input.reliability), self._image_input.relaxes
+        if self._image_input.topic in wanted:
+            self.subscribe(self._image_input.topic.kind, self._image_input.topic.name, self._on_image, quality, relax)
         if DETECTIONS in wanted:
             self.subscribe(DETECTIONS.kind, DETECTIONS.name, self._on_detections, DETECTIONS.qos())
             self.subscribe(CAMERA_INFO.kind, CAMERA_INFO.name, self._markers.use_camera, quality, relax)
@@ -97,7 +93,7 @@ class OverlayNode(ManagedNode):
     def _wanted(self) -> tuple[Topic, ...]:
         pictures = self._overlay.subscribers + self._jpeg.subscribers > 0
         return tuple(topic for topic, wanted in (
-            (self._image, pictures), (DETECTIONS, pictures or self._rays.subscribers > 0),
+            (self._image_input.topic, pictures), (DETECTIONS, pictures or self._rays.subscribers > 0),
             (FLOW, self._colors.subscribers > 0)) if wanted)
 
     def _on_image(self, msg: Any) -> None:
@@ -105,7 +101,7 @@ class OverlayNode(ManagedNode):
         self._join_with('image', msg)
 
     def _on_detections(self, msg: Any) -> None:
-        if self._image in self._inputs:
+        if self._image_input.topic in self._inputs:
             self._join_with('detections', msg)
         if self._rays.subscribers:
             self.stats.count_received(time.monotonic_ns())

@@ -76,6 +76,20 @@ def test_boxes_stand_across_the_axis_at_the_distance_asked_for():
     assert (Marker.DELETE, 'box', 7) in summary(writer.message(objects(), HEADER))
 
 
+def test_boxes_in_rectified_images_are_of_the_rectified_camera():
+    """100 px around P's principal point, by its focal length of 200 px: at 1 m half a metre. K and D do not hold."""
+    records = objects(7)
+    records['u'], records['v'], records['width'], records['height'] = 310.5, 250.5, 100.0, 100.0
+    writer = MarkerWriter(box_distance_m=1.0, rectified=True)
+    writer.use_camera(CameraInfo(
+        width=640, height=480, distortion_model='plumb_bob', d=[-0.3, 0.0, 0.0, 0.0, 0.0],
+        k=[300.0, 0, 320.0, 0, 300.0, 240.0, 0, 0, 1.0],
+        p=[200.0, 0, 310.0, 0, 0, 200.0, 250.0, 0, 0, 0, 1.0, 0]))
+    *_, box = writer.message(records, HEADER).markers
+    assert [(point.x, point.y) for point in box.points[:3]] == [
+        pytest.approx(corner) for corner in ((-0.25, -0.25), (0.25, -0.25), (0.25, 0.25))]
+
+
 def test_markers_of_a_detector_that_has_ended_vanish():
     writer = MarkerWriter(box_distance_m=1.0)
     writer.use_camera(CameraInfo(width=640, height=480, k=[300.0, 0, 320.0, 0, 300.0, 240.0, 0, 0, 1.0]))

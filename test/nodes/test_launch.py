@@ -159,6 +159,12 @@ def test_flags_are_what_users_of_nav2_write(true: str, false: str, launched):
     assert parameters(stage)['autostart'] is False
 
 
+def test_all_that_read_images_are_told_how_they_are(launched):
+    overlay = launched(DETECT, image_transport='compressed', rectified='true')[-1]
+    assert {name: parameters(overlay)[name] for name in ('image_transport', 'rectified')} == {
+        'image_transport': 'compressed', 'rectified': True}
+
+
 @pytest.mark.parametrize('name', ['autostart', 'use_sim_time', 'rectified', 'use_respawn', 'camera',
                                   'overlay'])
 def test_another_word_for_a_flag_ends_the_launch(name: str, launched):

@@ -1,0 +1,41 @@
+"""What a user tells a node about the images that it subscribes to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rclpy.node import Node
+
+from motion_detect_ros.bridge.params import declare_simple
+from motion_detect_ros.bridge.qos import IMAGE_RELIABILITIES, IMAGE_TRANSPORTS
+from motion_detect_ros.bridge.topics import COMPRESSED, IMAGE, Topic
+
+
+@dataclass(frozen=True)
+class ImageInput:
+    """The parameters ``image_reliability``, ``image_transport`` and ``rectified`` (as for ``camera_of``)."""
+
+    reliability: str
+    compressed: bool
+    rectified: bool
+
+    @classmethod
+    def declared(cls, node: Node) -> ImageInput:
+        """Declares them. Raises: ConfigError for a word that is none of the choices."""
+        reliability = str(declare_simple(
+            node, 'image_reliability', 'auto', 'asked of image publishers; auto: reliable, best effort where one is',
+            choices=IMAGE_RELIABILITIES))
+        transport = declare_simple(
+            node, 'image_transport', 'raw', 'images: image_raw or image_raw/compressed', choices=IMAGE_TRANSPORTS)
+        return cls(reliability, transport == 'compressed', bool(declare_simple(
+            node, 'rectified', False, 'the images are rectified: camera_info matrix P holds, not K')))
+
+    @property
+    def topic(self) -> Topic:
+        """Where they come."""
+        return COMPRESSED if self.compressed else IMAGE
+
+    @property
+    def relaxes(self) -> bool:
+        """Whether best effort is taken where a publisher offers no more."""
+        return self.reliability == 'auto'
