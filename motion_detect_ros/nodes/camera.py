@@ -37,6 +37,7 @@ class CameraNode(SourceNode):
         secret_file = str(declare_simple(self, 'source_secret_file', '', 'file with user:password, or the address'))
         self._source = with_secret(address, secret_file)
         self._fps = float(declare_simple(self, 'fps', 0.0, 'rate of a source without stamps, 0 = its own', 0.0, 1000.0))
+        self._topic = str(declare_simple(self, 'topic', '', 'image topic of a bag, needed where it has several'))
         self._frame_id = str(declare_simple(self, 'frame_id', CAMERA_FRAME, 'frame of the optical axis'))
         self._keep = int(declare_simple(self, 'decimation_keep', 1, 'use the first so many ...', 1, 1000))
         self._of = int(declare_simple(self, 'decimation_of', 1, '... of every so many pictures', 1, 1000))
@@ -58,7 +59,8 @@ class CameraNode(SourceNode):
     def prepare(self) -> None:
         """Open the device."""
         self._capture = self.unless_stopped(lambda: Capture(
-            self._source, self._fps or None, self._keep, self._of, self._queue_size, self._realtime))
+            self._source, self._fps or None, self._keep, self._of, self._queue_size, self._realtime,
+            self._topic or None))
         self._drops, self._began_s, self._lost = 0, time.monotonic(), False
         self.get_logger().info(f'opened {masked(self._source)}')
 

@@ -142,7 +142,8 @@ def _choose_topic(path: Path, topics: tuple[TopicInfo, ...], wanted: str | None)
     # The same pictures twice, raw and compressed: the raw ones need no decoding.
     distinct = [topic for topic in candidates if topic.name.removesuffix(_COMPRESSED) not in names - {topic.name}]
     if len(distinct) != 1:
-        problem = 'several image topics, choose one with --topic' if distinct else 'no image topic with messages'
+        problem = ('several image topics, choose one: --topic, or topic of the camera node' if distinct
+                   else 'no image topic with messages')
         raise SourceError(f'{path}: {problem}; image topics (type, messages): {listed}')
     return distinct[0]
 

@@ -58,13 +58,14 @@ class Capture:
     fps: rate of a folder or video without stamps. decimation_keep, decimation_of: keep the first
     so many of every so many pictures (1 of N: every Nth; 2 of 5: pairs of neighbours for the flow, and time to process
     them). queue_size: pictures that may wait. realtime: files are played at the pace of their stamps and late pictures
-    dropped; False waits for the reader instead and drops nothing.
+    dropped; False waits for the reader instead and drops nothing. topic: image topic of a bag, needed where it has
+    several.
     Raises: SourceError on a source that cannot be opened or a selection that makes no sense.
     """
 
     def __init__(
         self, source: str, fps: float | None = None, decimation_keep: int = 1,
-        decimation_of: int = 1, queue_size: int = 2, realtime: bool = True,
+        decimation_of: int = 1, queue_size: int = 2, realtime: bool = True, topic: str | None = None,
     ) -> None:
         if not source.strip():
             raise SourceError('source: expected a camera number, a path or an address, got nothing')
@@ -73,7 +74,7 @@ class Capture:
                 'capture: expected queue_size >= 1 and 1 <= decimation_keep <= decimation_of, got '
                 f'queue_size={queue_size}, decimation_keep={decimation_keep}, decimation_of={decimation_of}')
         self._live = LiveFrames(source) if is_address(source) else None
-        self._frames: FrameSource | LiveFrames = self._live or open_source(Path(source), fps)
+        self._frames: FrameSource | LiveFrames = self._live or open_source(Path(source), fps, topic)
         self._decimation = FrameDecimation(decimation_keep, decimation_of)
         self._queue_size = queue_size
         self._drops_when_late = realtime or self._live is not None

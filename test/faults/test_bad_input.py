@@ -48,7 +48,7 @@ CASES: dict[str, Case] = {
     'wrong topic': (lambda d: ['replay', a_bag(d), '-o', d / 'o', '--topic', '/front/image_raw'],
                     "no image topic '/front/image_raw'; image topics (type, messages): "
                     '/image_raw (sensor_msgs/msg/Image, 3), /rear/image_raw (sensor_msgs/msg/Image, 3)'),
-    'topic not chosen': (lambda d: ['replay', a_bag(d), '-o', d / 'o'], 'choose one with --topic'),
+    'topic not chosen': (lambda d: ['replay', a_bag(d), '-o', d / 'o'], 'choose one: --topic'),
     'empty bag': (lambda d: ['replay', empty_bag(d), '-o', d / 'o'], 'the bag is empty'),
     'file of no bytes': (lambda d: ['replay', named(d, 'a.mcap'), '-o', d / 'o'], '0 bytes that are no bag'),
     'broken db3': (lambda d: ['replay', named(d, 'a.db3', b'SQLite format 3\x00' + b'x' * 500), '-o', d / 'o'],

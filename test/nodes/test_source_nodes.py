@@ -105,6 +105,22 @@ def test_camera_takes_two_of_five(peer, start, pictures):
         np.testing.assert_array_equal(image_from_msg(message), picture(index))
 
 
+def test_camera_plays_the_topic_of_a_bag_that_is_asked_for(peer, start, bag):
+    images, infos = peer.subscribe(Image, 'image_raw'), peer.subscribe(CameraInfo, 'camera_info')
+    film(peer, start, bag, images, 8, '-p', 'topic:=image_raw')
+    assert [stamp_ns(message.header) for message in images] == STAMPS
+    np.testing.assert_array_equal(image_from_msg(images[3]), picture(3))
+    assert peer.until(lambda: len(infos) == 8)
+    assert infos[0].k[0] == 300.0
+
+
+def test_camera_asks_which_topic_of_a_bag_it_shall_play(start, bag, tmp_path):
+    process = start('camera', '-p', f'source:={bag}', code=2)
+    process.wait(TIMEOUT_S)
+    assert 'several image topics, choose one: --topic, or topic of the camera node; image topics' in (
+        tmp_path / 'camera.log').read_text()
+
+
 def test_camera_compresses_for_those_who_ask(peer, start, pictures):
     jpegs = peer.subscribe(CompressedImage, 'image_raw/compressed')
     film(peer, start, pictures, jpegs, 8)
