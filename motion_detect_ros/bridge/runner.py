@@ -30,9 +30,13 @@ FORCED, WRONG_USE = 1, 2
 ENDING_TIMEOUT_S = 20.0
 #: Ctrl-C on ros2 launch sends two: the terminal's to the whole process group, and launch's own.
 PATIENT_SIGNALS = 2
-#: Functions (module, name; empty = all) that C code calls, and when to try again where a signal has found one, seconds:
-#: those that LLVM calls, and what Python's import does when a module's lock goes.
-CALLED_BACK, RETRY_S = (('llvmlite/binding/executionengine.py', ''), ('<frozen importlib._bootstrap>', 'cb')), 0.02
+#: Functions (module, name; empty = all) that no exception may leave, and when to try again where a signal has found
+#: one, seconds: those that LLVM calls; what makes and ends the compiler's objects, as the end of half of one is told
+#: on stderr; what Python's import does when a module's lock goes.
+UNBROKEN, RETRY_S = (
+    ('llvmlite/binding/executionengine.py', ''),
+    *(('llvmlite/binding/ffi.py', name) for name in ('__init__', 'close', 'detach', '__del__')),
+    ('<frozen importlib._bootstrap>', 'cb')), 0.02
 
 
 class Stopped(BaseException):
@@ -63,7 +67,7 @@ class StopRequest:
     def _interrupt(self, _number: int, frame: FrameType | None) -> None:
         if not self.armed or not (self.node is None or self.node.opening):
             return
-        if _in_callback(frame):
+        if _unbroken(frame):
             signal.setitimer(signal.ITIMER_REAL, RETRY_S)
         else:
             self.armed = False
@@ -75,11 +79,11 @@ class StopRequest:
         return self._count > 0
 
 
-def _in_callback(frame: FrameType | None) -> bool:
-    """Whether C code has called Python in that frame or above it: what is raised there is printed and lost."""
+def _unbroken(frame: FrameType | None) -> bool:
+    """Whether that frame or one above it is of ``UNBROKEN``: what is raised there is printed and lost."""
     while frame is not None:
         code = frame.f_code
-        if any(code.co_filename.endswith(module) and name in {'', code.co_name} for module, name in CALLED_BACK):
+        if any(code.co_filename.endswith(module) and name in {'', code.co_name} for module, name in UNBROKEN):
             return True
         frame = frame.f_back
     return False

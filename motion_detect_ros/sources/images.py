@@ -21,6 +21,8 @@ AS_STORED = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
 _JPEG_START, _JPEG_END = b'\xff\xd8', b'\xff\xd9'
 #: Cameras pad JPEG files; the end marker is looked for in this many last bytes.
 _JPEG_TAIL_BYTES = 1024
+#: A PNG is this, then chunks: 4 bytes of length, 4 of kind, the content, 4 of checksum.
+_PNG_START, _PNG_END, _PNG_CHUNK_BYTES = b'\x89PNG\r\n\x1a\n', b'IEND', 12
 
 
 def decode_image(data: bytes, what: str) -> ByteArray:
@@ -31,6 +33,9 @@ def decode_image(data: bytes, what: str) -> ByteArray:
     if data[:2] == _JPEG_START and _JPEG_END not in data[-_JPEG_TAIL_BYTES:]:
         # OpenCV would fill the missing rows with grey and call it a picture.
         raise SourceError(f'{what}: JPEG is cut off after {len(data)} bytes')
+    if data.startswith(_PNG_START) and not _has_all_chunks(data):
+        # OpenCV would take the memory that a damaged length asks for, up to 4 GB.
+        raise SourceError(f'{what}: PNG is cut off after {len(data)} bytes')
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), AS_STORED) if data else None
     except cv2.error:  # a header that promises an absurd size
@@ -38,6 +43,16 @@ def decode_image(data: bytes, what: str) -> ByteArray:
     if image is None:
         raise SourceError(f'{what}: {len(data)} bytes that are no picture')
     return image.astype(np.uint8, copy=False)
+
+
+def _has_all_chunks(png: bytes) -> bool:
+    place = len(_PNG_START)
+    while place + _PNG_CHUNK_BYTES <= len(png):
+        kind = png[place + 4:place + 8]
+        place += _PNG_CHUNK_BYTES + int.from_bytes(png[place:place + 4], 'big')
+        if kind == _PNG_END:
+            return place <= len(png)
+    return False
 
 
 def image_files(folder: Path) -> list[Path]:

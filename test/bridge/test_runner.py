@@ -272,9 +272,32 @@ runner.main_of(make)()
 """
 
 
+#: The same while one of the compiler's objects is made: half of one that goes then is told on stderr.
+MAKING_NODE = """
+import signal, sys, time
+from llvmlite.binding.ffi import ObjectRef
+from motion_detect_ros.bridge import runner
+
+def signal_in_init(frame, event, _):
+    if frame.f_code.co_name == '__init__' and frame.f_code.co_filename.endswith('llvmlite/binding/ffi.py'):
+        sys.setprofile(None)
+        signal.raise_signal(signal.SIGTERM)
+        for _ in range(1000): pass
+
+def make():
+    sys.setprofile(signal_in_init)
+    made = ObjectRef(1)
+    sys.setprofile(None)
+    print('compiled on', flush=True)
+    time.sleep(60.0)
+
+runner.main_of(make)()
+"""
+
+
 @pytest.mark.timeout(120)
-@pytest.mark.parametrize('script', [COMPILING_NODE, IMPORTING_NODE], ids=['compiler', 'import'])
-def test_a_signal_that_finds_python_called_back_counts_after_it(script: str):
+@pytest.mark.parametrize('script', [COMPILING_NODE, IMPORTING_NODE, MAKING_NODE], ids=['compiler', 'import', 'object'])
+def test_a_signal_that_finds_what_must_not_break_counts_after_it(script: str):
     started = time.monotonic()
     process = subprocess.Popen(
         [sys.executable, '-c', script], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import resource
 import struct
 import time
 from collections.abc import Callable
@@ -16,10 +17,11 @@ from sensor_msgs.msg import CompressedImage, Image, PointCloud2, PointField
 from motion_detect_ros.bridge.images import flow_from_msg, header_of, image_from_msg, image_to_msg
 from motion_detect_ros.bridge.records import detections_to_msg, ego_from_msg, ego_to_msg, read_detections
 from motion_detect_ros.core.ego_motion.stage import no_estimate
-from motion_detect_ros.core.errors import MotionDetectError
+from motion_detect_ros.core.errors import MessageError, MotionDetectError, SourceError
 from motion_detect_ros.core.types import EgoStatus, empty_detections
 from motion_detect_ros.sources.bags import BagFrames, BagReader, BagWriter
 from motion_detect_ros.sources.encoding import FLOW_ENCODING
+from motion_detect_ros.sources.images import decode_image
 from motion_detect_ros.sources.truth import read_truth
 
 CORPUS = Path(__file__).parent / 'corpus'
@@ -100,6 +102,8 @@ def test_bags_cut_off_anywhere(bag: bytes, tmp_path: Path):
 def test_corpus(path: Path):
     if path.suffix == '.mcap':
         survives(lambda: read_whole(path), path.name)
+    elif path.suffix == '.png':
+        survives(lambda: decode_image(path.read_bytes(), path.name), path.name)
     else:
         survives(lambda: read_truth(path), path.name)
 
@@ -144,6 +148,23 @@ def test_compressed_images(suffix: str, shown):
         odd = CompressedImage(format=suffix, data=mutated(chance, data.tobytes()))
         survives(lambda odd=odd: image_from_msg(odd), bytes(odd.data))
     shown('damaged bytes', 'an answer, or one line of our own error', f'{MUTATIONS // 2} pictures {suffix}')
+
+
+def test_a_picture_whose_damage_asks_for_gigabytes_gets_none():
+    """Its 1444 bytes made OpenCV take 3.5 GB for a chunk: the end of a node on a small computer."""
+    before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    odd = CompressedImage(format='png', data=(CORPUS / 'chunk_announces_3_5_gb.png').read_bytes())
+    with pytest.raises(MessageError, match='1444 bytes that are no picture|cut off after 1444 bytes'):
+        image_from_msg(odd)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb < 300_000
+
+
+@pytest.mark.parametrize('share', [0.1, 0.5, 0.9, 0.999])
+def test_a_png_that_is_cut_off_is_no_picture(share: float):
+    whole = cv2.imencode('.png', np.random.default_rng(0).integers(0, 256, (24, 32, 3), np.uint8))[1].tobytes()
+    assert decode_image(whole + b'padding', 'a').shape == (24, 32, 3)
+    with pytest.raises(SourceError, match=r'a: PNG is cut off after \d+ bytes'):
+        decode_image(whole[:int(share * len(whole))], 'a')
 
 
 def odd_records(chance: random.Random, message: PointCloud2) -> PointCloud2:
