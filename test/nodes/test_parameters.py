@@ -81,7 +81,7 @@ def test_settings_change_between_images_and_history_stays_unless_it_cannot(peer,
     assert 'optical_flow.baseline_s changed: history is cleared' in log.read_text()
     assert len(show(1)) == 0
     assert ego_from_msg(egos[-1]).status == EgoStatus.FIRST_FRAME
-    later = show(12)
+    later = next((ids for ids in (show(1) for _ in range(30)) if len(ids)), ())
     assert len(later) == 1
     assert later[0] > seen[0]  # no id is used twice
 
