@@ -158,15 +158,16 @@ def test_frame_rate_must_be_positive(tmp_path: Path, fps: float) -> None:
 
 def absurd_png() -> bytes:
     """A header that promises 100,000 x 100,000 pixels."""
-    header = b'IHDR' + struct.pack('>IIBBBBB', 100_000, 100_000, 8, 0, 0, 0, 0)
-    return b'\x89PNG\r\n\x1a\n' + struct.pack('>I', 13) + header + struct.pack('>I', zlib.crc32(header))
+    chunks = struct.pack('>4sIIBBBBB', b'IHDR', 100_000, 100_000, 8, 0, 0, 0, 0), b'IEND'
+    return b'\x89PNG\r\n\x1a\n' + b''.join(
+        struct.pack('>I', len(chunk) - 4) + chunk + struct.pack('>I', zlib.crc32(chunk)) for chunk in chunks)
 
 
 def test_a_picture_of_absurd_size_costs_itself_only(tmp_path: Path) -> None:
     for index in range(3):
         cv2.imwrite(str(tmp_path / f'{index}.png'), np.full((20, 30), index, np.uint8))
     (tmp_path / '1.png').write_bytes(absurd_png())
-    with pytest.raises(SourceError, match='33 bytes that are no picture'):
+    with pytest.raises(SourceError, match='45 bytes that are no picture'):
         decode_image(absurd_png(), 'x')
     frames = image_folder(tmp_path, 10.0)
     assert [frame.index for frame in frames] == [0, 2]
