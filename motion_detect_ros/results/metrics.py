@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from motion_detect_ros.core.geometry.boxes import shared_areas
 from motion_detect_ros.core.types import BoolArray, DoubleArray, RecordArray
 
 #: A prediction with this share of its area inside an ignored box is not counted.
@@ -72,9 +73,7 @@ def overlaps(a: DoubleArray, b: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
 
     a: (N, 4), b: (M, 4) float64, boxes as x, y, width, height in pixels. Returns two (N, M) arrays.
     """
-    low = np.maximum(a[:, None, :2], b[None, :, :2])
-    high = np.minimum(a[:, None, :2] + a[:, None, 2:], b[None, :, :2] + b[None, :, 2:])
-    shared = np.prod(np.clip(high - low, 0, None), axis=2)
+    shared = shared_areas((a[:, :2], a[:, :2] + a[:, 2:]), (b[:, :2], b[:, :2] + b[:, 2:]))
     area_a, area_b = a[:, 2] * a[:, 3], b[:, 2] * b[:, 3]
     union = area_a[:, None] + area_b[None] - shared
     return shared / np.maximum(union, _TINY_AREA), shared / np.maximum(area_a[:, None], _TINY_AREA)

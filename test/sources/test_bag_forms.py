@@ -140,7 +140,8 @@ def test_compressed_pictures_beside_raw_ones_of_another_camera(form: str, tmp_pa
     with pytest.raises(SourceError) as caught:
         open_source(path)
     said = str(caught.value)
-    assert 'several image topics, choose one: --topic, or topic of the camera node; image topics (type, mess' in said
+    assert ('several image topics, choose one: --topic, or topic of the camera node; '
+            'image topics (type, messages): ') in said
     assert '/cam/image_raw (sensor_msgs/msg/Image, 2)' in said
     assert '/rear/image_raw/compressed (sensor_msgs/msg/CompressedImage, 1)' in said
     frames = [*open_source(path, topic='rear/image_raw/compressed')]

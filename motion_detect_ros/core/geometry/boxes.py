@@ -4,6 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from motion_detect_ros.core.types import DoubleArray
+
+#: (N, 2) low corners and (N, 2) high corners of boxes, pixels.
+Edges = tuple[DoubleArray, DoubleArray]
+
+
+def shared_areas(ones: Edges, others: Edges) -> DoubleArray:
+    """(n, m) area, square pixels, that each of the ones shares with each of the others."""
+    low, high = np.maximum(ones[0][:, None], others[0]), np.minimum(ones[1][:, None], others[1])
+    area: DoubleArray = np.clip(high - low, 0.0, None).prod(axis=2)
+    return area
+
 
 @dataclass(frozen=True)
 class Box:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from motion_detect_ros.core.geometry.boxes import shared_areas
+from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.tracking.track import Track
 
 #: Two boxes are in the same place where so much of the smaller one is in the other.
@@ -18,11 +20,10 @@ def known_longest(tracks: list[Track]) -> list[Track]:
     if len(tracks) < 2:
         return tracks
     centre, size = np.array([track.state[:2] for track in tracks]), np.array([track.size for track in tracks])
-    low, high, area = centre - size / 2.0, centre + size / 2.0, size.prod(axis=1)
-    shared = np.clip(np.minimum(high[:, None], high) - np.maximum(low[:, None], low), 0.0, None).prod(axis=2)
+    edges, area = (centre - size / 2.0, centre + size / 2.0), size.prod(axis=1)
     velocity = np.array([track.state[2:] for track in tracks])
-    speed, difference = np.hypot(*velocity.T), np.hypot(*(velocity[:, None] - velocity).transpose(2, 0, 1))
-    same = (shared > INSIDE_SHARE * np.minimum(area[:, None], area)) & (
+    speed, difference = magnitude(velocity), magnitude(velocity[:, None] - velocity)
+    same = (shared_areas(edges, edges) > INSIDE_SHARE * np.minimum(area[:, None], area)) & (
         difference <= np.maximum(speed[:, None], speed))
     kept: list[int] = []
     for index in sorted(range(len(tracks)), key=lambda index: -tracks[index].age):

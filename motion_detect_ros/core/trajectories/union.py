@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.geometry.boxes import Edges, shared_areas
 from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.types import BoolArray, DoubleArray
 
@@ -31,7 +32,7 @@ def united(from_flow: list[Candidate], from_points: list[Candidate], largest_px:
     if not from_points or not from_flow:
         return from_flow + from_points
     area, other_area = _areas(from_flow)[:, None], _areas(from_points)
-    shared = _intersection(_edges(from_flow), _edges(from_points))
+    shared = shared_areas(_edges(from_flow), _edges(from_points))
     iou = shared / (area + other_area - shared)
     same = (iou >= SAME_IOU) | (shared >= POINTS_INSIDE * other_area) | (shared >= FLOW_INSIDE * area)
     alone: list[Candidate] = []
@@ -63,7 +64,7 @@ def _without_fragments(ones: list[Candidate], others: list[Candidate]) -> list[C
     """Those that are not beside a larger one of the others that moves the same way."""
     if not ones or not others:
         return ones
-    beside = _intersection(_edges(ones, BESIDE_SHARE), _edges(others)) > 0.0
+    beside = shared_areas(_edges(ones, BESIDE_SHARE), _edges(others)) > 0.0
     velocity, other_velocity = (np.array([one.velocity_px_s for one in each]) for each in (ones, others))
     difference = velocity[:, None] - other_velocity
     alike = magnitude(difference) < ALIKE_SHARE * magnitude(velocity)[:, None]
@@ -71,17 +72,10 @@ def _without_fragments(ones: list[Candidate], others: list[Candidate]) -> list[C
     return [one for one, row in zip(ones, fragment, strict=True) if not row.any()]
 
 
-def _edges(candidates: list[Candidate], margin_share: float = 0.0) -> tuple[DoubleArray, DoubleArray]:
+def _edges(candidates: list[Candidate], margin_share: float = 0.0) -> Edges:
     centre = np.array([one.centre for one in candidates])
     half = np.array([one.size for one in candidates]) * (0.5 + margin_share)
     return centre - half, centre + half
-
-
-def _intersection(one: tuple[DoubleArray, DoubleArray], other: tuple[DoubleArray, DoubleArray]) -> DoubleArray:
-    """(n, m) area."""
-    low, high = np.maximum(one[0][:, None], other[0]), np.minimum(one[1][:, None], other[1])
-    area: DoubleArray = np.clip(high - low, 0.0, None).prod(axis=2)
-    return area
 
 
 def _areas(candidates: list[Candidate]) -> DoubleArray:
