@@ -125,7 +125,6 @@ class StageNode(ManagedNode):
         self._worker = Worker(self._guarded, self._queue_size, self.stats.count_dropped, jumps=not self.inputs)
         quality = image_qos(self._image_input.reliability, SUBSCRIPTION_DEPTH)
         self._images = ImageLog(self, self._image_input.topic.name, [FLOW.name])
-        self._subscribe_input(self._image_input.topic, 'image', quality, self._image_input.relaxes)
         for topic in self.inputs:
             self._subscribe_input(topic, topic.name, image_qos('reliable', SUBSCRIPTION_DEPTH))
         sink = self.gyro_sink() if self.config.imu.use else None
@@ -134,6 +133,8 @@ class StageNode(ManagedNode):
             self.subscribe(CAMERA_INFO.kind, CAMERA_INFO.name, self._on_camera,
                            image_qos(self._image_input.reliability, SUBSCRIPTION_DEPTH), self._image_input.relaxes,
                            qos_overriding_options=overridable())
+        # Last, as endpoints are announced in this order: who waits for a subscriber of the images finds the others too.
+        self._subscribe_input(self._image_input.topic, 'image', quality, self._image_input.relaxes)
 
     def end(self) -> None:
         """Stop the thread."""
