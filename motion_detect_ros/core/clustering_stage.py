@@ -111,7 +111,10 @@ class ClusteringStage:
             return empty_detections()
         from_flow = carried
         if flow.measured or not self._config.optical_flow.every_s:
-            from_flow = self._last_flow.replaced(self._candidates(frame, reference, flow, self._last_flow.age_s))
+            from_flow = self._candidates(frame, reference, flow, self._last_flow.age_s)
+            if self._trajectories is not None:
+                from_flow = self._trajectories.without_standing(from_flow, frame.scale)
+            self._last_flow.replaced(from_flow)
         candidates = united(from_flow, from_points, MAX_SIDE_SHARE * frame.width)
         records = self._tracker.step(candidates, ego.matrix, ego.dt_s, frame.width, frame.height, frame.gray)
         return bearings(records, self.camera and self.camera.resized(frame.width, frame.height))

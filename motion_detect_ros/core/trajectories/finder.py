@@ -19,6 +19,7 @@ from motion_detect_ros.core.trajectories.point_boxes import BoxFitter, NearestPo
 from motion_detect_ros.core.trajectories.point_scoring import POINT_SCORE, ClusterFigures, PointScore
 from motion_detect_ros.core.trajectories.points import Points, PointTracker
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
+from motion_detect_ros.core.trajectories.standing import StandingPoints
 from motion_detect_ros.core.types import BoolArray, CameraModel, DoubleArray, EgoMotion, FloatArray, PreparedFrame
 
 #: Objects are found so often, seconds; in between they go where their points go. In the third frame first, so that
@@ -105,6 +106,7 @@ class TrajectoryFinder:
         self._tracker.reset()
         self._every.reset()
         self._points, self.objects, self.found = Points(), list[FoundObject](), False
+        self._standing = StandingPoints()
 
     def candidates(self, frame: PreparedFrame, ego: EgoMotion, camera: CameraModel) -> list[Candidate]:
         """Objects in ``frame``; ego: motion into it; camera: of its working resolution."""
@@ -120,10 +122,19 @@ class TrajectoryFinder:
             self.objects = [each for each in moved if each is not None]
         return [each.candidate(frame.scale) for each in self.objects]
 
+    def without_standing(self, candidates: Sequence[Candidate], scale: float) -> list[Candidate]:
+        """Candidates of flow in the frame of the last ``candidates`` less those where the points stand still.
+
+        scale: working pixels per full-resolution pixel.
+        """
+        denied = self._standing.denied(candidates, self._points, scale)
+        return [each for each, still in zip(candidates, denied, strict=True) if not still]
+
     def _find(self, frame: PreparedFrame, camera: CameraModel) -> list[FoundObject]:
         points = self._points
         old: BoolArray = points.age >= self._frames.nearest(STILL_S)
         motion = object_motion(points, self._frames, camera)
+        self._standing.measured(points, motion, np.flatnonzero(old))
         clusters = find_clusters(points, motion, old, self._frames)
         if not clusters:
             return []

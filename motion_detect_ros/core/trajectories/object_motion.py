@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,6 +43,8 @@ RELIEF, RELIEF_BASELINE_S, RELIEF_NOISE = 1.75, 0.24, 2.5
 class PointMotion:
     """Of N points. ``velocity``: (N, 2) against the background, pixels/s, ``sigmas``: (N,) significance of the motion,
     0 where it is none; ``background``: (N, 2) velocity of the background beyond the ego-motion, pixels/s;
+    ``evidence``: (N,) the largest significance over any baseline, steady or not, 0 where no way was long enough;
+    ``least_speed``: (N,) from which motion would be significant, pixels/s, infinite for points too young for any;
     ``displacements``: (N, 2) each, pixels against the background over each baseline, longest first, NaN for points
     younger than that.
     """
@@ -50,7 +52,15 @@ class PointMotion:
     velocity: DoubleArray
     sigmas: DoubleArray
     background: DoubleArray
+    evidence: DoubleArray
+    least_speed: DoubleArray
     displacements: tuple[DoubleArray, ...] = ()
+
+    @classmethod
+    def at_rest(cls, count: int) -> PointMotion:
+        """Of ``count`` points that do not move."""
+        return cls(np.zeros((count, 2)), np.zeros(count), np.zeros((count, 2)), np.zeros(count),
+                   np.full(count, np.inf))
 
     @property
     def moving(self) -> BoolArray:
@@ -61,14 +71,15 @@ class PointMotion:
 
 @dataclass(frozen=True)
 class _Baseline:
-    """Motion over ``frames``, ``seconds``: ``motion`` (N, 2), ``length`` (N,), ``background`` (N, 2), pixels, and
-    ``sigmas`` (N,); NaN for points younger than that.
+    """Motion over ``frames``, ``seconds``: ``motion`` (N, 2), ``length`` and ``noise`` (N,), ``background`` (N, 2),
+    pixels, and ``sigmas`` (N,); NaN for points younger than that.
     """
 
     frames: int
     seconds: float
     motion: DoubleArray
     length: DoubleArray
+    noise: DoubleArray
     background: DoubleArray
     sigmas: DoubleArray
 
@@ -101,8 +112,11 @@ class _Measured:
 def object_motion(points: Points, frames: RecentFrames, camera: CameraModel) -> PointMotion:
     """Which points move against the background, and how fast. camera: of the working resolution."""
     baselines = _baselines(points, frames, camera)
-    motion = PointMotion(np.zeros((len(points), 2)), np.zeros(len(points)), np.zeros((len(points), 2)),
-                         tuple(baseline.motion for baseline in baselines))
+    motion = replace(PointMotion.at_rest(len(points)), displacements=tuple(each.motion for each in baselines))
+    for baseline in baselines:
+        np.fmax(motion.evidence, np.where(baseline.length > MOVING_PX, baseline.sigmas, 0.0), out=motion.evidence)
+        least_px = np.maximum(MOVING_PX, MOVING_SIGMAS * baseline.noise)
+        np.fmin(motion.least_speed, least_px / baseline.seconds, out=motion.least_speed)
     used_s = np.zeros(len(points))
     for index, baseline in enumerate(baselines):
         shorter = _half_of(baseline, baselines[index + 1:])
@@ -190,8 +204,8 @@ def _baseline(
     if shift is not None:
         sigmas = np.minimum(sigmas, without_parallax(error, noise, shift))
     return _Baseline(measured.frames, measured.seconds, _spread(error, measured.old, count),
-                     _spread(length, measured.old, count), _spread(background, measured.old, count),
-                     _spread(sigmas, measured.old, count))
+                     _spread(length, measured.old, count), _spread(noise, measured.old, count),
+                     _spread(background, measured.old, count), _spread(sigmas, measured.old, count))
 
 
 def _camera_flow(measured: _Measured) -> DoubleArray:

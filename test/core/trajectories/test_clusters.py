@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -62,7 +64,8 @@ def clusters_of(cars: list[Car], still: np.ndarray | None = None) -> list[tuple[
     points = Points(path, np.full(len(places), 20, np.int32), np.zeros((len(places), 2), np.float32),
                     np.arange(len(places)))
     own = np.stack([speed, np.zeros_like(speed)], axis=1)
-    motion = PointMotion(20.0 * own, np.where(speed != 0.0, 20.0, 0.0), np.zeros_like(own), (20.0 * own, 10.0 * own))
+    motion = replace(PointMotion.at_rest(len(places)), velocity=20.0 * own, sigmas=np.where(speed != 0.0, 20.0, 0.0),
+                     displacements=(20.0 * own, 10.0 * own))
     found = find_clusters(points, motion, np.ones(len(places), bool), frames)
     return sorted((round(each.low[0]), round(each.high[0])) for each in found)
 
