@@ -12,9 +12,9 @@ from motion_detect_ros.core.trajectories.object_motion import PointMotion
 from motion_detect_ros.core.trajectories.points import Points
 from motion_detect_ros.core.types import BoolArray, FloatArray
 
-#: Nothing moves in a box with so many points that would tell the motion claimed for it, of which less than this share
-#: move, and the median of whose evidence is lower than this, noise units.
-MIN_POINTS, MOVING_SHARE, STANDING_SIGMAS = 5, 0.1, 1.5
+#: Nothing moves in a box if points that would tell the motion claimed for it lie in so many of its nine parts, less
+#: than this share of them move, and the median of their evidence is lower than this, noise units.
+SIDE, PARTS, MOVING_SHARE, STANDING_SIGMAS = 3, 6, 0.1, 1.5
 
 
 class StandingPoints:
@@ -33,19 +33,21 @@ class StandingPoints:
         now: the points of that frame; scale: working pixels per full-resolution pixel.
         """
         then, there = now.survivors(self._points, self._old)
-        places, moving, evidence = now.now[there], self._motion.moving[then], self._motion.evidence[then]
-        least_speed = self._motion.least_speed[then]
+        places, least_speed = now.now[there], self._motion.least_speed[then]
+        moving, evidence = self._motion.moving[then], self._motion.evidence[then]
         found = []
         for each in candidates:
-            speed = scale * np.hypot(*each.velocity_px_s)
-            telling = _inside(places, each, scale) & (least_speed < speed)
+            part = _part(places, each, scale)
+            telling = (part >= 0) & (least_speed < scale * np.hypot(*each.velocity_px_s))
             found.append(bool(
-                np.count_nonzero(telling) >= MIN_POINTS and moving[telling].mean() < MOVING_SHARE
+                len(np.unique(part[telling])) >= PARTS and moving[telling].mean() < MOVING_SHARE
                 and np.median(evidence[telling]) < STANDING_SIGMAS))
         return found
 
 
-def _inside(places: FloatArray, candidate: Candidate, scale: float) -> BoolArray:
-    offset = np.abs(places - scale * candidate.centre)
-    inside: BoolArray = np.all(offset <= scale * candidate.size / 2.0, axis=1)
-    return inside
+def _part(places: FloatArray, candidate: Candidate, scale: float) -> npt.NDArray[np.intp]:
+    """(N,) in which of the nine parts of a box each place (N, 2) is; -1 outside."""
+    share = (places - scale * (candidate.centre - candidate.size / 2.0)) / (scale * candidate.size)
+    inside: BoolArray = np.all((share >= 0.0) & (share < 1.0), axis=1)
+    column, row = (SIDE * share).astype(np.intp).T
+    return np.where(inside, SIDE * row + column, -1)

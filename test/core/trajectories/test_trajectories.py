@@ -12,7 +12,7 @@ from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.geometry.warp import apply
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.settings import with_settings
-from motion_detect_ros.core.trajectories.object_motion import object_motion
+from motion_detect_ros.core.trajectories.object_motion import PointMotion, object_motion
 from motion_detect_ros.core.trajectories.points import Points, PointTracker
 from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrames
 from motion_detect_ros.core.trajectories.union import united
@@ -94,7 +94,8 @@ class TestObjectMotion:
         y = down * np.cos(self.PITCH) - ahead * np.sin(self.PITCH)
         return np.stack([560.0 * right / z + 319.5, 560.0 * y / z + 179.5], axis=1)
 
-    def significance(self, own_m_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def motion(self, own_m_s: float) -> PointMotion:
+        """Of 1500 points of the plane, 200 of the blocks, 20 of the car."""
         random = np.random.default_rng(3)
         ground = np.column_stack([random.uniform(-18, 22, 1500), random.uniform(20, 50, 1500), np.zeros(1500)])
         blocks = np.column_stack([random.uniform(-10, 10, 200), random.uniform(25, 40, 200), random.uniform(2, 8, 200)])
@@ -112,17 +113,32 @@ class TestObjectMotion:
             affine, _ = cv2.estimateAffine2D(np.ascontiguousarray(earlier), np.ascontiguousarray(later))
             matrix = np.vstack([affine, [0, 0, 1]])
             frames.add(prepared(np.zeros((360, 640), np.uint8), index), ego(matrix, index))
-        moving = object_motion(points, frames, self.CAMERA).moving
-        return moving[:1500], moving[1500:1700], moving[1700:]
+        return object_motion(points, frames, self.CAMERA)
 
     def test_a_car_moves_and_raised_blocks_do_not(self) -> None:
-        ground, blocks, car = self.significance(own_m_s=3.0)
+        ground, blocks, car = np.split(self.motion(own_m_s=3.0).moving, [1500, 1700])
         assert ground.mean() < 0.01
         assert blocks.mean() < 0.05
         assert car.mean() > 0.9
 
     def test_nothing_moves(self) -> None:
-        assert not np.concatenate(self.significance(own_m_s=0.0)).mean() > 0.01
+        assert not self.motion(own_m_s=0.0).moving.mean() > 0.01
+
+    def test_evidence_is_that_beyond_parallax(self) -> None:
+        """The blocks go 8 pixels and more against the plane in a second, as the camera's travel explains."""
+        motion = self.motion(own_m_s=3.0)
+        way = [np.linalg.norm(part, axis=1) for part in np.split(motion.displacements[0], [1500, 1700])]
+        _, blocks, car = np.split(motion.evidence, [1500, 1700])
+        assert np.median(way[1]) > 8.0
+        assert np.median(blocks) < 1.5
+        assert np.median(car) > 5.0
+
+    def test_from_the_least_speed_on_motion_is_significant(self) -> None:
+        fast, slow = self.motion(own_m_s=3.0), self.motion(own_m_s=0.02)
+        for motion, is_told in ((fast, True), (slow, False)):
+            speed = np.linalg.norm(motion.displacements[0][1700:], axis=1)  # over a second
+            assert (np.median(speed) > np.median(motion.least_speed[1700:])) == is_told
+            assert (motion.moving[1700:].mean() > 0.5) == is_told
 
 
 SIDE, SPEED = 14, 0.8

@@ -1,0 +1,89 @@
+"""Boxes of flow over points of which it is known whether they move."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.trajectories.object_motion import PointMotion
+from motion_detect_ros.core.trajectories.points import Points
+from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES
+from motion_detect_ros.core.trajectories.standing import StandingPoints
+
+#: A lattice of points every 10 pixels, from 5 to 195; any of them would have told 40 pixels/s.
+LATTICE = np.stack(np.meshgrid(np.arange(5.0, 200.0, 10.0), np.arange(5.0, 200.0, 10.0)), axis=-1).reshape(-1, 2)
+TELLING_PX_S = 40.0
+
+
+def points_at(places: np.ndarray, first: int = 0) -> Points:
+    path = np.full((len(places), MAX_FRAMES, 2), np.nan, np.float32)
+    path[:, 0] = places
+    return Points(path, np.full(len(places), 20, np.int32), np.zeros((len(places), 2), np.float32),
+                  first + np.arange(len(places), dtype=np.int64))
+
+
+def box(left: float, top: float, right: float, bottom: float, speed: float = 60.0) -> Candidate:
+    low, high = np.array([left, top]), np.array([right, bottom])
+    return Candidate((low + high) / 2.0, high - low, np.array([0.6, -0.8]) * speed, 100.0, 2.0, 1)
+
+
+def denied(candidate: Candidate, sigmas: np.ndarray | float = 0.0, evidence: np.ndarray | float = 0.0,
+           chosen: np.ndarray | None = None, now: Points | None = None, scale: float = 1.0) -> bool:
+    points = points_at(LATTICE)
+    count = len(points)
+    motion = replace(PointMotion.at_rest(count), sigmas=np.broadcast_to(sigmas, count),
+                     evidence=np.broadcast_to(evidence, count), least_speed=np.full(count, TELLING_PX_S))
+    standing = StandingPoints()
+    standing.measured(points, motion, np.arange(count) if chosen is None else np.flatnonzero(chosen))
+    return standing.denied([candidate], now or points, scale)[0]
+
+
+def test_a_box_full_of_standing_points_is_no_object():
+    assert denied(box(20, 20, 80, 80))
+
+
+def test_points_of_which_a_tenth_moves_deny_nothing():
+    """36 points in the box, four of them move."""
+    inside = ((LATTICE > 20) & (LATTICE < 80)).all(axis=1)
+    sigmas = np.zeros(len(LATTICE))
+    sigmas[np.flatnonzero(inside)[:3]] = 9.0
+    assert denied(box(20, 20, 80, 80), sigmas)
+    sigmas[np.flatnonzero(inside)[:4]] = 9.0
+    assert not denied(box(20, 20, 80, 80), sigmas)
+
+
+@pytest.mark.parametrize(('evidence', 'is_denied'), [(1.4, True), (1.6, False)])
+def test_a_way_over_the_noise_that_was_not_steady_denies_nothing(evidence: float, is_denied: bool):
+    assert denied(box(20, 20, 80, 80), evidence=evidence) is is_denied
+
+
+@pytest.mark.parametrize(('speed', 'is_denied'), [(41.0, True), (39.0, False)])
+def test_points_deny_only_a_motion_that_they_would_have_told(speed: float, is_denied: bool):
+    assert denied(box(20, 20, 80, 80, speed)) is is_denied
+
+
+def test_the_speed_counts_in_pixels_of_the_working_resolution():
+    """The same box in an image of twice the size: 60 pixels/s there are 30 here, 100 are 50."""
+    assert not denied(box(40, 40, 160, 160, 60.0), scale=0.5)
+    assert denied(box(40, 40, 160, 160, 100.0), scale=0.5)
+
+
+@pytest.mark.parametrize(('right', 'is_denied'), [(40, False), (60, True)])
+def test_points_must_lie_in_two_thirds_of_the_box(right: int, is_denied: bool):
+    """Points left of 40 fill one column of three, left of 60 two."""
+    assert denied(box(20, 20, 80, 80), chosen=LATTICE[:, 0] < right) is is_denied
+
+
+def test_where_no_motion_was_measured_nothing_is_denied():
+    assert StandingPoints().denied([box(20, 20, 80, 80)], points_at(LATTICE), 1.0) == [False]
+
+
+def test_points_are_asked_where_they_are_now():
+    """They have gone 100 pixels to the right since; others have come."""
+    gone = points_at(LATTICE + np.array([100.0, 0.0]))
+    assert denied(box(120, 20, 180, 80), now=gone)
+    assert not denied(box(20, 20, 80, 80), now=gone)
+    assert not denied(box(20, 20, 80, 80), now=points_at(LATTICE, first=1000))
