@@ -10,7 +10,7 @@ import numpy.typing as npt
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
 from motion_detect_ros.core.trajectories.points import Points
-from motion_detect_ros.core.types import BoolArray, FloatArray
+from motion_detect_ros.core.types import FloatArray
 
 #: Nothing moves in a box if points that would tell the motion claimed for it lie in so many of its nine parts, less
 #: than this share of them move, and the median of their evidence is lower than this, noise units.
@@ -33,21 +33,29 @@ class StandingPoints:
         now: the points of that frame; scale: working pixels per full-resolution pixel.
         """
         then, there = now.survivors(self._points, self._old)
-        places, least_speed = now.now[there], self._motion.least_speed[then]
+        places = np.ascontiguousarray(now.now[there].T)
+        least_speed = self._motion.least_speed[then]
         moving, evidence = self._motion.moving[then], self._motion.evidence[then]
         found = []
         for each in candidates:
-            part = _part(places, each, scale)
-            telling = (part >= 0) & (least_speed < scale * np.hypot(*each.velocity_px_s))
+            inside = _inside(places, each, scale)
+            telling = inside[least_speed[inside] < scale * np.hypot(*each.velocity_px_s)]
             found.append(bool(
-                len(np.unique(part[telling])) >= PARTS and moving[telling].mean() < MOVING_SHARE
+                _parts(places[:, telling], each, scale) >= PARTS and moving[telling].mean() < MOVING_SHARE
                 and np.median(evidence[telling]) < STANDING_SIGMAS))
         return found
 
 
-def _part(places: FloatArray, candidate: Candidate, scale: float) -> npt.NDArray[np.intp]:
-    """(N,) in which of the nine parts of a box each place (N, 2) is; -1 outside."""
-    share = (places - scale * (candidate.centre - candidate.size / 2.0)) / (scale * candidate.size)
-    inside: BoolArray = np.all((share >= 0.0) & (share < 1.0), axis=1)
-    column, row = (SIDE * share).astype(np.intp).T
-    return np.where(inside, SIDE * row + column, -1)
+def _inside(places: FloatArray, candidate: Candidate, scale: float) -> npt.NDArray[np.intp]:
+    """Indices of the places, (2, N), in a box."""
+    x, y = places
+    left, top = scale * (candidate.centre - candidate.size / 2.0)
+    right, bottom = scale * (candidate.centre + candidate.size / 2.0)
+    return np.flatnonzero((x >= left) & (x < right) & (y >= top) & (y < bottom))
+
+
+def _parts(places: FloatArray, candidate: Candidate, scale: float) -> int:
+    """In how many of its nine parts the places, (2, n), in a box are."""
+    share = (places.T / scale - candidate.centre) / candidate.size + 0.5
+    column, row = np.clip(SIDE * share, 0, SIDE - 1).astype(np.intp).T
+    return len(set((SIDE * row + column).tolist()))
