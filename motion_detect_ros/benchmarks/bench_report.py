@@ -70,6 +70,30 @@ out/soak/summary.json`: `pipeline` under a steady stream of 960x540 at 20 Hz. Me
 end; dropped: by the node, as its diagnostics count; lost: in transport.''',
 }
 
+#: Written by hand: trials are not part of a run.
+TRIED = '''## What pays, and what does not
+
+Measured when it was built or tried, on the clips named; accuracy that it costs or gains: [accuracy.md](accuracy.md).
+
+| pays | before | after |
+|---|---|---|
+| forward-backward check of the flow on its grid instead of every pixel (nine clips, frame) | 69 ms | 42 ms |
+| points: change at half the resolution, new ones in every second frame, fewer baselines (one thread, points only) \
+| 82 ms | 42 ms |
+| points: motion and clusters every 0.1 s (the same) | 42 ms | 21 ms |
+| flow every 0.1 s, in other frames than these (305, processor time of a frame) | 77 ms | 45 ms |
+| freed memory stays with the process (`allocator.py`; page faults, frame) | 7 ms | 0 ms |
+| check of flow by points, one box at a time (305, frame) | 1.4 ms | 0.4 ms |
+
+| does not pay | |
+|---|---|
+| second half of a frame in a second thread, beside the first half of the next (305 live at 20 Hz) | 60 to 66 instead \
+of 68 ms between answers, but these 195 to 219 instead of 91 to 96 ms old; processor time of a frame 69 to 87 ms |
+| kernels compiled with less optimisation (`NUMBA_OPT=0`) | 8.9 instead of 12.5 s, and slower for good: over two \
+thirds are numba's own work in Python, 3.3 s of it for arrays made inside of kernels |
+| smaller windows, fewer corners, longer intervals than these | 2 to 7 ms of 46, for 0.004 to 0.013 of mean F1 |
+'''
+
 
 def machine() -> dict[str, Any]:
     """What the figures were taken on."""
@@ -85,7 +109,7 @@ def markdown(figures: Mapping[str, Any]) -> str:
     for name, (title, table) in SECTIONS.items():
         if name in figures:
             lines += [f'## {title}', '', ABOUT[name], '', *table(figures[name]), '']
-    return '\n'.join(lines)
+    return '\n'.join([*lines, TRIED])
 
 
 def _stages(stages: Mapping[str, list[dict[str, Any]]]) -> list[str]:

@@ -33,7 +33,7 @@ from motion_detect_ros.presets import load_preset
 
 SECTION = 'leave one out'
 CORE = 'motion_detect_ros.core.'
-#: A step of a threshold that is a ratio or a length, and of log odds.
+#: A step multiplies a threshold by the first, or adds the second to log odds; the steps tried.
 FACTOR, LOG_ODDS = 1.4, 1.0
 STEPS = (-1, 1)
 
@@ -72,7 +72,7 @@ THRESHOLDS = (
     Threshold('significance of moving points', ('trajectories.object_motion:MOVING_SIGMAS',)),
     Threshold('difference of linked points', ('trajectories.clusters:ALIKE_PX',)),
 )
-#: Steps of thresholds, those of value 0 left out: the detector as it is is empty.
+#: Thresholds to change and the steps; an empty choice is the detector as it stands.
 Choice = tuple[tuple[Threshold, int], ...]
 
 

@@ -114,8 +114,10 @@ def object_motion(points: Points, frames: RecentFrames, camera: CameraModel) -> 
     baselines = _baselines(points, frames, camera)
     motion = replace(PointMotion.at_rest(len(points)), displacements=tuple(each.motion for each in baselines))
     for baseline in baselines:
-        np.fmax(motion.evidence, np.where(baseline.length > MOVING_PX, baseline.sigmas, 0.0), out=motion.evidence)
-        least_px = np.maximum(MOVING_PX, MOVING_SIGMAS * baseline.noise)
+        with np.errstate(invalid='ignore'):
+            evidence = np.where(baseline.length > MOVING_PX, baseline.sigmas, 0.0)
+            least_px = np.maximum(MOVING_PX, MOVING_SIGMAS * baseline.noise)
+        np.fmax(motion.evidence, evidence, out=motion.evidence)
         np.fmin(motion.least_speed, least_px / baseline.seconds, out=motion.least_speed)
     used_s = np.zeros(len(points))
     for index, baseline in enumerate(baselines):
