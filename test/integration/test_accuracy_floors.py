@@ -27,5 +27,5 @@ def test_guard_fails_for_a_worse_detector(clips: Path, tmp_path: Path, capsys: p
 
 def test_floors_guard_something() -> None:
     floors = read_floors(FLOORS)
-    assert {floor.clip.split('_')[0] for floor in floors} == {'visdrone', 'kitti', 'davis'}
+    assert {floor.clip.split('_')[0] for floor in floors} == {'visdrone', 'kitti', 'davis', 'uav123'}
     assert all(floor.f1_30 > 0.4 and floor.f1_50 > 0.2 for floor in floors)

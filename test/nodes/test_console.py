@@ -22,8 +22,8 @@ def test_a_stage_tells_what_it_waits_for_and_what_came(peer: Peer, start, tmp_pa
 
     publisher = peer.advertise(Image, 'image_raw')
     assert ready(peer, 'image_raw')
-    assert told(r'configured in \d+\.\d s, active: subscribes to /image_raw \(reliable, depth 100\), '
-                r'/camera_info \(best effort, depth 5\); publishes .*/ego_motion \(reliable, depth 5\)')
+    assert told(r'configured in \d+\.\d s, active: subscribes to /camera_info \(best effort, depth 5\), '
+                r'/image_raw \(reliable, depth 100\); publishes .*/ego_motion \(reliable, depth 5\)')
     assert told(r'no images on /image_raw for \d+ s; nobody publishes others')
     peer.advertise(CompressedImage, 'elsewhere/compressed')
     assert told(r'no images on /image_raw for \d+ s; images are published on /elsewhere/compressed \(CompressedImage\)')
