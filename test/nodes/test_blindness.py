@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from peers import TIMEOUT_S, image_message, picture, ready, small
+from peers import PATIENT, TIMEOUT_S, image_message, picture, ready, small
 from sensor_msgs.msg import Image, PointCloud2
 
 from motion_detect_ros.bridge.images import header_of, image_to_msg, stamp_ns
@@ -82,7 +82,7 @@ def test_images_in_vain_are_a_warning_then_an_error(name, peer, start, shown):
 
 
 def test_a_stage_that_sees_again_is_well_again(peer, start):
-    start('pipeline', *small())
+    start('pipeline', *small(*PATIENT))
     reports, answers = peer.subscribe(DiagnosticArray, '/diagnostics'), peer.subscribe(PointCloud2, 'detections')
     publisher, sent = peer.advertise(Image, 'image_raw'), 0
     assert ready(peer, 'image_raw')
