@@ -19,7 +19,7 @@ from motion_detect_ros.sources.synthetic import FlightConfig
 
 pytestmark = pytest.mark.timing
 
-RATE_HZ, PICTURES = 60.0, 240
+RATE_HZ, PICTURES = 60.0, 480
 #: Of 25 MB each.
 PICTURES_4K = 12
 #: Flow at full resolution: more than any machine computes at that rate.
@@ -49,7 +49,8 @@ def test_overload_costs_pictures_not_time(nodes):
     assert len(latencies) < 0.9 * sent  # it was an overload
     half = len(latencies) // 2
     first, second = median(latencies[:half]), median(latencies[half:])
-    assert second < 2.0 * max(first, compute_ms)  # four nodes answer a dozen: some of the first ones are young by luck
+    # A mailbox that fills gives 3. Four nodes answer thirty pictures, some of the first ones young by luck.
+    assert second < 2.5 * max(first, compute_ms)
     assert second < 8.0 * compute_ms
     assert sum(int(report['dropped']) for report in reports) > 0
 
