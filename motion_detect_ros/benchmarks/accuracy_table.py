@@ -1,12 +1,13 @@
-"""The table of an accuracy run, with means by data set and the change against an earlier run."""
+"""Tables of accuracy: a run with means by data set and the change against an earlier one, and runs side by side."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 
 import numpy as np
 
+from motion_detect_ros.benchmarks.accuracy_clips import IOUS, Clip, ClipRun
 from motion_detect_ros.benchmarks.accuracy_record import Figures, Record
 
 HEAD = ['| clip | F1 at 0.3 | F1 at 0.5 | precision | recall | false boxes a frame | ms a frame |',
@@ -58,3 +59,13 @@ def change(now: float, before: float | None) -> str:
     if before is None or abs(now - before) < SHOWN_CHANGE:
         return ''
     return f' ({now - before:+.2f})'
+
+
+def f1_table(clips: Sequence[Clip], runs: Mapping[str, Sequence[ClipRun]]) -> list[str]:
+    """Markdown, a row a clip and the mean, a column a kind of run: F1 at each of ``IOUS``."""
+    found = np.array([[[score.f1 for score in run.scores()] for run in each] for each in runs.values()])
+    found = np.concatenate([found, found.mean(axis=1, keepdims=True)], axis=1)
+    names = [*(f'`{clip.name}`' for clip in clips), f'mean of {len(clips)}']
+    return [f'| F1 at {" / ".join(f"{iou:g}" for iou in IOUS)} | {" | ".join(runs)} |', '|---' * (len(runs) + 1) + '|',
+            *(f'| {name} | ' + ' | '.join(' / '.join(f'{f1:.3f}' for f1 in cell) for cell in row) + ' |'
+              for name, row in zip(names, found.transpose(1, 0, 2).tolist(), strict=True))]

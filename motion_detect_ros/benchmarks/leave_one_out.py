@@ -13,9 +13,9 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
@@ -23,7 +23,8 @@ from pathlib import Path
 import numpy as np
 
 from motion_detect_ros.benchmarks.accuracy import add_run_arguments
-from motion_detect_ros.benchmarks.accuracy_clips import IOUS, Clip, ClipRun, Job, in_processes, read_clips, run_clip
+from motion_detect_ros.benchmarks.accuracy_clips import Clip, ClipRun, Job, in_processes, read_clips, run_clip
+from motion_detect_ros.benchmarks.accuracy_table import f1_table
 from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.generated import show
 from motion_detect_ros.core.errors import SourceError
@@ -80,8 +81,8 @@ Choice = tuple[tuple[Threshold, int], ...]
 class Values:
     """What a choice means for one preset: settings to change, and constants by module and name."""
 
-    settings: Mapping[str, Scalar] = field(default_factory=dict)
-    constants: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    settings: Mapping[str, Scalar]
+    constants: Mapping[tuple[str, str], float]
 
 
 def values_of(choice: Choice, preset: str) -> Values:
@@ -132,15 +133,6 @@ def chosen(in_use: DoubleArray, tried: DoubleArray, seen: Sequence[int]) -> Choi
     return tuple(best)
 
 
-def table(clips: Sequence[Clip], ways: Mapping[str, DoubleArray]) -> list[str]:
-    """Markdown: F1 at each of ``IOUS`` of every clip, and their mean. ways: (C, 2) F1 by name."""
-    lines = [f'| F1 at {" / ".join(f"{iou:g}" for iou in IOUS)} | {" | ".join(ways)} |', '|---' * (len(ways) + 1) + '|']
-    rows = [(f'`{clip.name}`', [figures[index] for figures in ways.values()]) for index, clip in enumerate(clips)]
-    rows.append((f'mean of {len(clips)}', [figures.mean(axis=0) for figures in ways.values()]))
-    return lines + [f'| {name} | ' + ' | '.join(' / '.join(f'{one:.3f}' for one in figures) for figures in row) + ' |'
-                    for name, row in rows]
-
-
 def choices_told(choices: Sequence[Choice]) -> list[str]:
     """Markdown: how often each threshold was chosen lower, as it is, and higher, of the choices."""
     lines = ['| threshold | lower | in use | higher |', '|---|---|---|---|']
@@ -150,8 +142,9 @@ def choices_told(choices: Sequence[Choice]) -> list[str]:
     return lines
 
 
-def _f1(runs: Iterator[ClipRun], clips: int) -> DoubleArray:
-    return np.array([[score.f1 for score in run.scores()] for run in islice(runs, clips)])
+def _f1(runs: Iterable[ClipRun]) -> DoubleArray:
+    """(C,) mean over the IoUs."""
+    return np.array([np.mean([score.f1 for score in run.scores()]) for run in runs])
 
 
 @reports_errors
@@ -167,18 +160,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         raise SourceError(f'leave_one_out: expected two clips at least, got {len(clips)}')
     alone = [((threshold, step),) for threshold in THRESHOLDS for step in STEPS]
     runs = in_processes(run_choice, [(clip, choice) for choice in ((), *alone) for clip in clips], options.jobs)
-    in_use = _f1(runs, len(clips))
-    tried = np.array([_f1(runs, len(clips)) for _ in alone]).reshape(len(THRESHOLDS), len(STEPS), len(clips), -1)
+    ways = {'in use': list(islice(runs, len(clips)))}
+    in_use = _f1(ways['in use'])
+    tried = np.array([_f1(islice(runs, len(clips))) for _ in alone]).reshape(len(THRESHOLDS), len(STEPS), len(clips))
     everything = list(range(len(clips)))
-    fitted = chosen(in_use.mean(axis=1), tried.mean(axis=3), everything)
-    without = [chosen(in_use.mean(axis=1), tried.mean(axis=3), [one for one in everything if one != index])
-               for index in everything]
+    fitted = chosen(in_use, tried, everything)
+    without = [chosen(in_use, tried, [one for one in everything if one != index]) for index in everything]
     tasks = [(clip, fitted) for clip in clips] + list(zip(clips, without, strict=True))
     runs = in_processes(run_choice, tasks, options.jobs)
-    ways = {'in use': in_use, 'chosen on all': _f1(runs, len(clips)), 'chosen without the clip': _f1(runs, len(clips))}
+    ways |= {name: list(islice(runs, len(clips))) for name in ('chosen on all', 'chosen without the clip')}
     told = ', '.join(f'{threshold.name} {"higher" if step > 0 else "lower"}' for threshold, step in fitted)
     told = f'Chosen on all: {told or "what is in use"}. Without a clip, of {len(clips)} choices:'
-    show([*table(clips, ways), '', told, '', *choices_told(without)], options.write, SECTION)
+    show([*f1_table(clips, ways), '', told, '', *choices_told(without)], options.write, SECTION)
     return 0
 
 

@@ -32,6 +32,7 @@ from motion_detect_ros.benchmarks.accuracy_clips import (
     in_processes,
     read_clips,
 )
+from motion_detect_ros.benchmarks.accuracy_table import f1_table
 from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.generated import show
 from motion_detect_ros.benchmarks.silence import FRAMES, Flight
@@ -147,16 +148,6 @@ def coefficient_table(scores: Mapping[str, PointScore]) -> list[str]:
               f'{score.per_moving_around:.2f} |' for name, score in scores.items())]
 
 
-def accuracy_table(clips: Sequence[Clip], runs: Mapping[str, Sequence[ClipRun]]) -> list[str]:
-    """Markdown, a row a clip and the mean, a column a kind of score: F1 at each of ``IOUS``."""
-    found = np.array([[[score.f1 for score in run.scores()] for run in each] for each in runs.values()])
-    found = np.concatenate([found, found.mean(axis=1, keepdims=True)], axis=1)
-    names = [*(f'`{clip.name}`' for clip in clips), f'mean of {len(clips)}']
-    return [f'| F1 at {" / ".join(f"{iou:g}" for iou in IOUS)} | {" | ".join(runs)} |', '|---' * (len(runs) + 1) + '|',
-            *(f'| {name} | ' + ' | '.join(' / '.join(f'{f1:.3f}' for f1 in cell) for cell in row) + ' |'
-              for name, row in zip(names, found.transpose(1, 0, 2).tolist(), strict=True))]
-
-
 @reports_errors
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command; exit code 2 where clips are wrong or give nothing to fit."""
@@ -181,7 +172,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     scores |= {f'without `{clip.name}`': score for clip, score in zip(clips, without, strict=True)}
     tasks = [(clip, score) for each in kinds.values() for clip, score in zip(clips, each, strict=True)]
     runs = in_processes(run_scored, tasks, options.jobs)
-    table = accuracy_table(clips, {name: list(islice(runs, len(clips))) for name in kinds})
+    table = f1_table(clips, {name: list(islice(runs, len(clips))) for name in kinds})
     right = np.concatenate([each.right for each in judged])
     counts = f'{len(right)} clusters of real clips, {right.sum()} of them right.'
     show([*coefficient_table(scores), '', counts, '', *table], options.write, SECTION)

@@ -111,10 +111,7 @@ class ClusteringStage:
             return empty_detections()
         from_flow = carried
         if flow.measured or not self._config.optical_flow.every_s:
-            from_flow = self._candidates(frame, reference, flow, self._last_flow.age_s)
-            if self._trajectories is not None:
-                from_flow = self._trajectories.without_standing(from_flow, frame.scale)
-            self._last_flow.replaced(from_flow)
+            from_flow = self._last_flow.replaced(self._candidates(frame, reference, flow, self._last_flow.age_s))
         candidates = united(from_flow, from_points, MAX_SIDE_SHARE * frame.width)
         records = self._tracker.step(candidates, ego.matrix, ego.dt_s, frame.width, frame.height, frame.gray)
         return bearings(records, self.camera and self.camera.resized(frame.width, frame.height))
@@ -134,7 +131,8 @@ class ClusteringStage:
         if frame.mask is not None:
             residual[~scene_cells(frame.mask, reference.matrix, frame.scale, *residual.shape[:2])] = np.nan
         background = self._scene.fit(flow.flow, residual, self._camera_of(flow.width, flow.height), dt_s)
-        return self._detector.candidates(flow, residual, background, frame, reference, dt_s)
+        found = self._detector.candidates(flow, residual, background, frame, reference, dt_s)
+        return found if self._trajectories is None else self._trajectories.without_standing(found, frame.scale)
 
     def _from_points(self, frame: PreparedFrame, ego: EgoMotion) -> list[Candidate]:
         if self._trajectories is None:

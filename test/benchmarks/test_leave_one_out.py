@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from motion_detect_ros.benchmarks import leave_one_out
-from motion_detect_ros.benchmarks.accuracy_clips import Clip, read_clips
+from motion_detect_ros.benchmarks.accuracy_clips import read_clips
 from motion_detect_ros.benchmarks.leave_one_out import (
     THRESHOLDS,
     Threshold,
     choices_told,
     chosen,
     run_choice,
-    table,
     values_of,
 )
 from motion_detect_ros.core.tracking import track
@@ -65,12 +64,7 @@ def test_the_best_over_the_clips_seen_is_chosen() -> None:
     assert chosen(in_use, tried, [0, 1, 2]) == ()
 
 
-def test_tables_of_known_figures() -> None:
-    clips = [Clip(name, Path(), Path(), 25.0, 'kitti') for name in ('a', 'b')]
-    lines = table(clips, {'one': np.array([[0.5, 0.25], [0.7, 0.45]]), 'other': np.zeros((2, 2))})
-    assert lines[0] == '| F1 at 0.3 / 0.5 | one | other |'
-    assert lines[2] == '| `a` | 0.500 / 0.250 | 0.000 / 0.000 |'
-    assert lines[4] == '| mean of 2 | 0.600 / 0.350 | 0.000 / 0.000 |'
+def test_table_of_known_choices() -> None:
     told = choices_told([((MISS, -1),), ((MISS, 1),), ()])
     assert f'| {MISS.name} | 1 | 1 | 1 |' in told
     assert f'| {CONFIRM.name} | 0 | 3 | 0 |' in told

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from motion_detect_ros.benchmarks import point_score_fit
+from motion_detect_ros.benchmarks.accuracy_table import f1_table
 from motion_detect_ros.benchmarks.point_score_fit import (
     LOWERED,
     Judged,
-    accuracy_table,
     coefficient_table,
     collect_flight,
     fit,
@@ -84,8 +84,9 @@ def test_tables_of_known_runs() -> None:
         def __init__(self, name: str) -> None:
             self.name = name
 
-    lines = accuracy_table([Named('a'), Named('b')], {  # type: ignore[list-item]
+    lines = f1_table([Named('a'), Named('b')], {  # type: ignore[list-item]
         'one': [Run(0.5, 0.25), Run(0.7, 0.35)], 'other': [Run(1.0, 0.0), Run(0.0, 1.0)]})  # type: ignore[list-item]
+    assert lines[0] == '| F1 at 0.3 / 0.5 | one | other |'
     assert lines[2] == '| `a` | 0.500 / 0.250 | 1.000 / 0.000 |'
     assert lines[4] == '| mean of 2 | 0.600 / 0.300 | 0.500 / 0.500 |'
     assert coefficient_table({'x': PointScore(1.0, 2.0, 3.0, 4.0)})[2] == '| x | 1.00 | 2.00 | 3.00 | 4.00 |'
