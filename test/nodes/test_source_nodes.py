@@ -354,7 +354,11 @@ def test_player_waits_for_the_stages_and_not_for_just_anybody(peer, start, bag, 
     assert peer.until(lambda: [message for message in reports if message.status[0].message == waiting])
     assert peer.until(lambda: waiting in (tmp_path / 'bag_player.log').read_text())
     assert not images
+    assert peer.call(Trigger, '/bag_player/pause').message == 'paused'
     start('pipeline', *small(*PATIENT))
+    assert peer.until(lambda: 'paused' in reports[-1].status[0].message)  # so it waits no more: the pipeline is there
+    peer.known_to('/pipeline')  # which would answer nobody before
+    assert peer.call(Trigger, '/bag_player/resume').message == 'playing'
     assert peer.until(lambda: len(detections) == 8)
     assert [stamp_ns(m.header) for m in detections] == STAMPS
 
