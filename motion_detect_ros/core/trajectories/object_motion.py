@@ -194,19 +194,18 @@ def _baseline(
     measured: _Measured, background: DoubleArray, error: DoubleArray, parts: EpipolarParts | None, camera: CameraModel,
     count: int,
 ) -> _Baseline:
-    length = magnitude(error)
-    grid = PointGrid(measured.now, measured.width, measured.height)
+    shift = plane_shift(measured.earlier, measured.carried + background, measured.now, camera)
     shared = BACKGROUND_SHARE * magnitude(background) + CAMERA_SHARE * _camera_flow(measured)
-    sigma_px = max(LEAST_SIGMA_PX, WIDE_TAILS * rayleigh_sigma(length[measured.sample]))
-    noise = _noise(grid.local_sigma(length, sigma_px)) + shared
-    sigmas: DoubleArray = length / noise
+    rest, of_parallax = (error, np.zeros(len(error))) if shift is None else without_parallax(error, shift)
+    unexplained = magnitude(rest)
+    grid = PointGrid(measured.now, measured.width, measured.height)
+    sigma_px = max(LEAST_SIGMA_PX, WIDE_TAILS * rayleigh_sigma(unexplained[measured.sample]))
+    noise = _noise(grid.local_sigma(unexplained, sigma_px)) + shared + of_parallax
+    sigmas: DoubleArray = unexplained / noise
     if parts is not None:
         sigmas = np.minimum(sigmas, _relief_sigmas(parts, grid, shared))
-    shift = plane_shift(measured.earlier, measured.carried + background, measured.now, camera)
-    if shift is not None:
-        sigmas = np.minimum(sigmas, without_parallax(error, noise, shift))
     return _Baseline(measured.frames, measured.seconds, _spread(error, measured.old, count),
-                     _spread(length, measured.old, count), _spread(noise, measured.old, count),
+                     _spread(magnitude(error), measured.old, count), _spread(noise, measured.old, count),
                      _spread(background, measured.old, count), _spread(sigmas, measured.old, count))
 
 

@@ -62,15 +62,12 @@ def _homogeneous(points: FloatArray) -> DoubleArray:
     return np.column_stack([points, np.ones(len(points))]).astype(np.float64)
 
 
-def without_parallax(error: DoubleArray, noise: DoubleArray, shift: DoubleArray) -> DoubleArray:
-    """(N,) length of ``error`` (N, 2) in units of ``noise`` (N,), less what parallax along ``shift`` explains."""
+def without_parallax(error: DoubleArray, shift: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
+    """What parallax along ``shift`` does not explain of ``error``, both (N, 2) pixels; and (N,) its noise, pixels."""
     squared = (shift * shift).sum(axis=1) + 1e-6
     share = np.clip((error * shift).sum(axis=1) / squared, LEAST_PARALLAX, MOST_PARALLAX)
     explained = share[:, None] * shift
-    rest = error - explained
-    tolerated = noise + PARALLAX_NOISE_SHARE * magnitude(explained)
-    significance: DoubleArray = magnitude(rest) / tolerated
-    return significance
+    return error - explained, PARALLAX_NOISE_SHARE * magnitude(explained)
 
 
 @dataclass(frozen=True)

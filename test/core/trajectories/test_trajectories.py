@@ -94,17 +94,19 @@ class TestObjectMotion:
         y = down * np.cos(self.PITCH) - ahead * np.sin(self.PITCH)
         return np.stack([560.0 * right / z + 319.5, 560.0 * y / z + 179.5], axis=1)
 
-    def motion(self, own_m_s: float) -> PointMotion:
-        """Of 1500 points of the plane, 200 of the blocks, 20 of the car."""
+    def motion(self, own_m_s: float, camera_m: float = 6.0, built_up: bool = False) -> PointMotion:
+        """Of 1500 points of the plane, 200 or all over it 3000 of the blocks, 20 of the car."""
         random = np.random.default_rng(3)
         ground = np.column_stack([random.uniform(-18, 22, 1500), random.uniform(20, 50, 1500), np.zeros(1500)])
-        blocks = np.column_stack([random.uniform(-10, 10, 200), random.uniform(25, 40, 200), random.uniform(2, 8, 200)])
+        count, left, right, near, far = (3000, -18, 22, 20, 50) if built_up else (200, -10, 10, 25, 40)
+        blocks = np.column_stack([
+            random.uniform(left, right, count), random.uniform(near, far, count), random.uniform(2, 8, count)])
         car = np.column_stack([random.uniform(3, 5, 20), random.uniform(30, 32, 20), np.zeros(20)])
-        world, own = np.vstack([ground, blocks, car]), np.zeros((1720, 3))
-        own[1700:, 1] = own_m_s
+        world, own = np.vstack([ground, blocks, car]), np.zeros((1520 + count, 3))
+        own[-20:, 1] = own_m_s
         path = np.full((len(world), MAX_FRAMES, 2), np.nan, np.float32)
         for ago in range(SECOND + 1):
-            at = self.project(world - own * (ago / SECOND), 6.0 * (1 - ago / SECOND))
+            at = self.project(world - own * (ago / SECOND), camera_m * (1 - ago / SECOND))
             path[:, ago] = at + random.normal(0, 0.05, at.shape)
         points = Points(path, np.full(len(world), SECOND, np.int32), np.zeros((len(world), 2), np.float32))
         frames = RecentFrames()
@@ -123,6 +125,17 @@ class TestObjectMotion:
 
     def test_nothing_moves(self) -> None:
         assert not self.motion(own_m_s=0.0).moving.mean() > 0.01
+
+    def test_relief_hides_no_car_that_crosses_the_way_of_parallax(self) -> None:
+        """Two points of three are raised: the camera's travel explains their 3 pixels along x, not the car's 2.6."""
+        motion = self.motion(own_m_s=0.3, camera_m=2.0, built_up=True)
+        _, blocks, car = np.split(motion.displacements[0], [1500, 4500])
+        assert np.median(np.abs(blocks[:, 0])) > 2.5
+        assert 2.0 < np.median(np.linalg.norm(car, axis=1)) < 3.0
+        ground, blocks, car = np.split(motion.moving, [1500, 4500])
+        assert ground.mean() < 0.01
+        assert blocks.mean() < 0.02
+        assert car.mean() > 0.9
 
     def test_evidence_is_that_beyond_parallax(self) -> None:
         """The blocks go 8 pixels and more against the plane in a second, as the camera's travel explains."""
