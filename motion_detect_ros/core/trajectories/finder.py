@@ -19,6 +19,7 @@ from motion_detect_ros.core.trajectories.point_boxes import BoxFitter, NearestPo
 from motion_detect_ros.core.trajectories.point_scoring import POINT_SCORE, ClusterFigures, PointScore
 from motion_detect_ros.core.trajectories.points import Points, PointTracker
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
+from motion_detect_ros.core.trajectories.spare_points import spare_points
 from motion_detect_ros.core.trajectories.standing import StandingPoints
 from motion_detect_ros.core.types import BoolArray, CameraModel, DoubleArray, EgoMotion, FloatArray, PreparedFrame
 
@@ -134,6 +135,7 @@ class TrajectoryFinder:
         points = self._points
         old: BoolArray = points.age >= self._frames.nearest(STILL_S)
         motion = object_motion(points, self._frames, camera)
+        self._tracker.told(motion.moving, spare_points(points, motion, self._frames))
         self._standing.measured(points, motion, np.flatnonzero(old))
         clusters = find_clusters(points, motion, old, self._frames)
         if not clusters:

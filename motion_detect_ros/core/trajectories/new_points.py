@@ -12,6 +12,8 @@ from motion_detect_ros.core.types import BoolArray, FloatArray
 
 #: Cells of one point each, pixels, everywhere and where the image changed.
 CELL_PX, CHANGED_CELL_PX = 16, 5
+#: Cells within so many pixels of a moving point are filled first: its object has texture that no point is on yet.
+NEAR_MOVING_PX = 30.0
 #: Pixels at the image border without points.
 BORDER_PX = 5
 #: Window of the corner response, pixels, and its least value (OpenCV's scale, 8-bit images).
@@ -22,7 +24,9 @@ SEED = 0
 
 
 class NewPoints:
-    """Places of new points. Free cells are filled in random order, so that a full quota thins all regions alike."""
+    """Places of new points. Free cells are filled near moving points first, and in random order, so that a full quota
+    thins all other regions alike.
+    """
 
     def __init__(self, max_points: int) -> None:
         self._max_points = max_points
@@ -32,8 +36,13 @@ class NewPoints:
         """Start the random order anew."""
         self._random = np.random.default_rng(SEED)
 
-    def places(self, taken: FloatArray, frames: RecentFrames, mask: BoolArray | None) -> FloatArray:
-        """(n, 2) pixels, n + N at most the quota. taken: (N, 2) where points are; mask: (h, w), False = no points."""
+    def places(
+        self, taken: FloatArray, frames: RecentFrames, mask: BoolArray | None, moving: FloatArray,
+    ) -> FloatArray:
+        """(n, 2) pixels, n + N at most the quota.
+
+        taken: (N, 2) where points are; mask: (h, w), False = no points; moving: (m, 2) where points move.
+        """
         places = np.empty((max(0, self._max_points - len(taken)), 2), np.float32)
         if not len(places):
             return places
@@ -41,22 +50,34 @@ class NewPoints:
         if mask is not None:
             response[~mask] = 0.0
         everywhere = np.ones(frames[0].half.shape, np.bool_)
-        found = self._fill(places, 0, response, everywhere, taken, CELL_PX)
+        found = self._fill(places, 0, response, everywhere, taken, CELL_PX, moving[:0])
         ago = frames.nearest(CHANGE_S)
         if ago:
             so_far = np.concatenate([taken, places[:found]])
-            found = self._fill(places, found, response, changed_pixels(frames, [ago]), so_far, CHANGED_CELL_PX)
+            found = self._fill(places, found, response, changed_pixels(frames, [ago]), so_far, CHANGED_CELL_PX, moving)
         return places[:found]
 
     def _fill(
         self, places: FloatArray, found: int, response: FloatArray, wanted: BoolArray, taken: FloatArray, cell_px: int,
+        moving: FloatArray,
     ) -> int:
         rows, columns = (-(-size // cell_px) for size in response.shape)
         free = np.ones((rows, columns), np.bool_)
         column, row = (taken // cell_px).astype(np.intp).T
         free[row, column] = False
         order = self._random.permutation(np.flatnonzero(free))
+        if len(moving):
+            order = order[np.argsort(_far_from(moving, (rows, columns), cell_px)[order], kind='stable')]
         return int(_strongest(response, wanted, order, columns, cell_px, places, found))
+
+
+def _far_from(moving: FloatArray, shape: tuple[int, int], cell_px: int) -> BoolArray:
+    """(cells,) row by row, which are over ``NEAR_MOVING_PX`` from every place of ``moving``, (m, 2) pixels, m > 0."""
+    without = np.ones(shape, np.uint8)
+    column, row = (moving // cell_px).astype(np.intp).T
+    without[row, column] = 0
+    distance: FloatArray = cell_px * cv2.distanceTransform(without, cv2.DIST_L2, cv2.DIST_MASK_3)
+    return distance.ravel() > NEAR_MOVING_PX
 
 
 @kernel()

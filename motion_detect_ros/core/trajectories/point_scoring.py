@@ -34,9 +34,9 @@ class ClusterFigures(NamedTuple):
 class PointScore:
     """Coefficients; objects of less than ``least`` log odds are dropped."""
 
-    intercept: float = -6.6
+    intercept: float = -7.6
     per_log_points: float = 1.6
-    per_moving_share: float = 2.2
+    per_moving_share: float = 2.6
     per_moving_around: float = -1.3
     least: float = -2.0
 

@@ -64,6 +64,10 @@ class Points:
         """(N, 2) current positions."""
         return self.path[:, 0]
 
+    def only(self, chosen: npt.NDArray[np.intp]) -> Points:
+        """The chosen ones."""
+        return Points(self.path[chosen], self.age[chosen], self.velocity[chosen], self.number[chosen])
+
     def moved(self, chosen: npt.NDArray[np.intp], now: FloatArray, velocity: FloatArray) -> Points:
         """The chosen ones a frame later, at ``now`` with ``velocity``, (N, 2) of all."""
         path = np.empty((len(chosen), *self.path.shape[1:]), np.float32)
@@ -110,6 +114,7 @@ class PointTracker:
         self._new.reset()
         self._every.reset()
         self._points, self._started = Points(), 0
+        self._moving = self._points.number
 
     def step(self, frames: RecentFrames, mask: BoolArray | None) -> Points:
         """Points in the current frame. mask: (h, w), False where no point may be; None = nowhere.
@@ -124,10 +129,16 @@ class PointTracker:
             self._points = self._tracked(frames, mask, due)
         if due:
             self._every.done()
-            places = self._new.places(self._points.now, frames, mask)
+            moving = self._points.now[np.isin(self._points.number, self._moving)]
+            places = self._new.places(self._points.now, frames, mask, moving)
             self._points = self._points.started(places, self._started)
             self._started += len(places)
         return self._points
+
+    def told(self, moving: BoolArray, spare: BoolArray) -> None:
+        """Of the points of the last step: new ones start near ``moving`` first, ``spare`` go; (N,) masks."""
+        self._moving = self._points.number[moving]
+        self._points = self._points.only(np.flatnonzero(~spare))
 
     def _tracked(self, frames: RecentFrames, mask: BoolArray | None, checked: bool) -> Points:
         points, dt_s = self._points, frames.seconds(1)
