@@ -34,10 +34,10 @@ class ClusterFigures(NamedTuple):
 class PointScore:
     """Coefficients; objects of less than ``least`` log odds are dropped."""
 
-    intercept: float = -7.6
-    per_log_points: float = 1.6
-    per_moving_share: float = 2.6
-    per_moving_around: float = -1.3
+    intercept: float = -11.3
+    per_log_points: float = 1.5
+    per_moving_share: float = 6.9
+    per_moving_around: float = -0.8
     least: float = -2.0
 
     def log_odds(self, figures: ClusterFigures) -> float:
