@@ -15,8 +15,8 @@ from motion_detect_ros.core.trajectories.points import Points
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.types import BoolArray
 
-#: A point stands still that has lived for so long, seconds, or as long as there are frames, with less evidence of motion
-#: than this.
+#: A point stands still that has lived for so long, seconds, or since the first frame, with less evidence of motion than
+#: this.
 STANDS_S, STANDS_EVIDENCE = 0.5, 2.0
 
 
