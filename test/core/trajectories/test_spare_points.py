@@ -90,7 +90,7 @@ def test_where_the_quota_is_short_new_points_start_near_what_moves():
     assert shares[1] < 0.3
 
 
-def test_points_that_are_spared_are_gone_and_come_back_elsewhere():
+def test_points_that_are_spared_are_gone_and_the_others_live_on():
     frames, tracker = RecentFrames(), PointTracker(200)
     gray = np.kron(noise(1)[::8, ::8], np.ones((8, 8), np.uint8))
     for index in range(3):
