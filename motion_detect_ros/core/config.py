@@ -120,7 +120,8 @@ class OpticalFlowConfig:
         0.04, 'time over which flow is measured (the nearest whole number of frames, at least one, at most 16)',
         low=0.001, high=2.0, unit='s')
     every_s: float = setting(
-        0.0, 'interval of flow, 0 = every frame, else every second one at most; in between its objects move on',
+        0.0, 'interval of flow, 0 = every frame, else every second one at most, but for the first ones; '
+        'in between its objects move on',
         low=0.0, high=1.0, unit='s')
     finest_scale: int = setting(
         2, 'finest pyramid level of methods dis and variational, 0 = full resolution', low=0, high=4)

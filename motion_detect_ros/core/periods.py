@@ -25,24 +25,27 @@ class Every:
     """Says which frames something is done in: the first one, then those that are ``seconds`` later.
 
     Never in two frames running, however far apart they are: who is late because a frame costs too much would be so the
-    more by doing everything in each.
+    more by doing everything in each. Only ``eager`` ones are, at the start, where there is nothing yet to go on with.
     """
 
-    def __init__(self, seconds: float) -> None:
-        """seconds: 0 = in every frame."""
-        self._seconds = seconds
+    def __init__(self, seconds: float, eager: bool = False) -> None:
+        """seconds: 0 = in every frame; eager: in those less than ``seconds`` after the first one too."""
+        self._seconds, self._eager = seconds, eager
         self.reset()
 
     def reset(self) -> None:
         """The next frame is a first one."""
         self._since_s, self._frames = math.inf, LEAST_FRAMES
+        self._turns = 0
 
     def due(self, dt_s: float) -> bool:
         """Call once for each frame. dt_s: since the one before, seconds."""
         self._since_s, self._frames = self._since_s + dt_s, self._frames + 1
-        return self._seconds == 0.0 or (
-            self._frames >= LEAST_FRAMES and reached(self._since_s, self._seconds, dt_s))
+        late = reached(self._since_s, self._seconds, dt_s)
+        self._in_turn = self._seconds == 0.0 or (self._frames >= LEAST_FRAMES and late)
+        return self._in_turn or (self._eager and self._turns == 1 and not late)
 
     def done(self) -> None:
-        """It was done in the frame that ``due`` was last called for."""
-        self._since_s, self._frames = 0.0, 0
+        """It was done in the frame that ``due`` was last called for; an early one does not shift the next turn."""
+        if self._in_turn:
+            self._since_s, self._frames, self._turns = 0.0, 0, self._turns + 1

@@ -18,6 +18,20 @@ def test_a_tenth_of_a_second_in_whole_frames(hz: float, frames: int) -> None:
     assert done == list(range(0, 13, frames))
 
 
+@pytest.mark.parametrize(('hz', 'frames'), [
+    (5.0, [0, 2, 4, 6]), (10.0, [0, 2, 4, 6]), (20.0, [0, 1, 2, 4, 6]), (25.0, [0, 1, 2, 3, 6]),
+    (60.0, [0, 1, 2, 3, 4, 5, 6])])
+def test_eager_is_also_in_the_first_tenth_of_a_second_and_turns_stay(hz: float, frames: list[int]) -> None:
+    every, done = Every(0.1, eager=True), []
+    for start in (0, 7):
+        for index in range(7):
+            if every.due(1.0 / hz):
+                every.done()
+                done.append(start + index)
+        every.reset()
+    assert done == [*frames, *(7 + frame for frame in frames)]
+
+
 def test_what_was_due_and_not_done_stays_due() -> None:
     every = Every(0.1)
     assert every.due(0.04) and every.due(0.04)

@@ -79,12 +79,25 @@ def test_between_two_flows_the_mover_is_reported_where_it_is():
     config = with_settings(PipelineConfig(), {'optical_flow.every_s': 0.12})
     results = run([scene(index) for index in range(30)], config)
     measured = [index for index, result in enumerate(results) if np.isfinite(result.flow.flow).any()]
-    assert measured == list(range(1, 30, 3))
+    assert measured == [1, 2, 3, *range(4, 30, 3)]
     late = [(index, result.detections) for index, result in enumerate(results) if index >= 10]
     assert all(len(found) == 1 for _, found in late)
     assert min(iou(found[0], index) for index, found in late) >= 0.5
     assert {int(found[0]['id']) for _, found in late} == {1}
     assert late[-1][1][0]['vel_u'] == pytest.approx(175.0, rel=0.1)
+
+
+@pytest.mark.parametrize('cut', [None, 15])
+def test_a_mover_is_reported_in_the_third_frame_with_motion_though_flow_is_rare(cut):
+    """At the start, and after a gap in the stamps."""
+    config = with_settings(PipelineConfig(), {'optical_flow.every_s': 0.12, 'tracks.confirm_s': 0.08})
+    pipeline, first = MotionPipeline(config), None
+    for index in range(24):
+        gap_ns = 0 if cut is None or index < cut else 10 ** 10
+        result = pipeline.process(scene(index), (index + 1) * PERIOD_NS + gap_ns)
+        if index >= (cut or 0) and first is None and len(result.detections):
+            first = index
+    assert first == (cut or 0) + 2
 
 
 def test_a_mover_that_is_gone_is_not_carried_past_the_next_flow():
@@ -130,7 +143,7 @@ def test_a_live_change_of_a_threshold_leaves_the_rhythm_of_the_flow():
         if np.isfinite(result.flow.flow).any():
             measured.append(index)
         pipeline.use_config(with_settings(pipeline.config, {'art2.vigilance': 0.9 + index / 1000}))
-    assert measured == [1, 4, 7]
+    assert measured == [1, 2, 3, 4, 7]
 
 
 def test_a_still_world_gives_nothing():

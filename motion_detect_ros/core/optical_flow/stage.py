@@ -26,7 +26,7 @@ class OpticalFlowStage:
         self._pool = ThreadPoolExecutor(1, 'backward_flow')
         self.use_config(config)
         self._regions = RegionsOfInterest(self._config.full_every)
-        self._every = Every(self._config.every_s)
+        self._every = Every(self._config.every_s, eager=True)
 
     def use_config(self, config: PipelineConfig) -> None:
         """Settings from the next frame on that keep history (``core.reconfiguration``). Raises: BackendError."""
@@ -45,6 +45,8 @@ class OpticalFlowStage:
 
         ego: motion into ``frame``; reference: what ``FrameHistory`` returns for it.
         """
+        if not ego.ok:
+            self._every.reset()
         if not self._every.due(ego.dt_s) or reference is None:
             flow = self._unknown(frame)
         else:
