@@ -64,7 +64,7 @@ class EgoMotionConfig:
     max_corners: int = setting(700, 'features tracked per frame', low=8, high=5000)
     corner_quality: float = setting(
         0.002, 'smallest accepted strength of a feature, relative to the best', low=1e-6, high=1.0)
-    lk_window_px: int = setting(15, 'window of the Lucas-Kanade tracker', low=5, high=51, unit='px')
+    lk_window_px: int = setting(16, 'window of the Lucas-Kanade tracker', low=5, high=51, unit='px')
     pyramid_levels: int = setting(3, 'pyramid levels of the tracker above the image itself', low=0, high=6)
     forward_backward_px: float = setting(
         0.5, 'largest accepted forward-backward error of a track', low=0.01, high=10.0, unit='px')
