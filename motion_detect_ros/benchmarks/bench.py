@@ -32,7 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--parts', help=f'some of {",".join(PARTS)}, separated by commas; the others stay as the '
                                         'file of --json has them; default: all')
     parser.add_argument('--no-nodes', action='store_true', help='leave the nodes out, measure in this process only')
-    parser.add_argument('--soak', type=Path, help='summary.json of benchmarks.soak, for the document')
+    parser.add_argument('--soak', type=Path, nargs='+', default=[],
+                        help='summary.json of runs of benchmarks.soak, for the document')
     parser.add_argument('--json', type=Path, help='write the figures here too')
     parser.add_argument('--markdown', type=Path,
                         help='write the document here, pictures to images/ beside it (needs the extra plots)')
@@ -50,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
         make_figure(1, 1)
     figures = {**_earlier(arguments), 'machine': machine(), 'preset': arguments.preset, 'frames': arguments.frames}
     if arguments.soak:
-        figures['soak'] = _read(arguments.soak)
+        figures['soak'] = [_read(path) for path in arguments.soak]
     for part in track(parts, len(parts), 'parts'):
         figures[part] = PARTS[part](arguments)
         _write(arguments, figures)

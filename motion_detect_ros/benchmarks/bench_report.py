@@ -65,9 +65,10 @@ all frames cost the same: what is over the medians of the nodes waits for a dear
     'start': '''From the start of the process `pipeline` to its first message, while pictures come, and its memory
 then. The process that compiles the kernels, the first after an installation, keeps the compiler's memory.''',
     'memory': 'Resident memory of `pipeline`, fed with 960x540 at 20 Hz.',
-    'soak': '''`python -m motion_detect_ros.benchmarks.soak --minutes 30 -o out/soak`, put here by `bench --soak
-out/soak/summary.json`: `pipeline` under a steady stream of 960x540 at 20 Hz. Memory after the first quarter and at the
-end; dropped: by the node, as its diagnostics count; lost: in transport.''',
+    'soak': '''`python -m motion_detect_ros.benchmarks.soak --minutes 30 -o out/soak` and the same with `--real`, put
+here by `bench --soak out/soak/summary.json out/soak_real/summary.json`: `pipeline` under a steady stream of 960x540 at
+20 Hz, of a real clip in a loop of 120 pictures. Memory after the first quarter and at the end; dropped: by the node, as
+its diagnostics count; lost: in transport.''',
 }
 
 #: Written by hand: trials are not part of a run.
@@ -191,12 +192,14 @@ def _memory(row: dict[str, Any]) -> list[str]:
         for count, size in (('early_frames', 'early_mb'), ('frames', 'mb'))))
 
 
-def _soak(row: dict[str, Any]) -> list[str]:
-    names = ('minutes', 'pictures', 'answered', 'dropped', 'lost', 'memory, MB', 'growth, MB/h', 'median, ms', 'p95')
+def _soak(rows: list[dict[str, Any]]) -> list[str]:
+    names = ('pictures from', 'preset', 'minutes', 'pictures', 'answered', 'dropped', 'lost', 'memory, MB',
+             'growth, MB/h', 'median, ms', 'p95')
     return _table(names, [(
-        f'{row["minutes"]:.0f}', str(row['sent']), str(row['answered']), str(row['dropped']), str(row['lost']),
-        f'{row["memory_first_mb"]:.1f} to {row["memory_last_mb"]:.1f}', f'{row["growth_mb_per_hour"]:.1f}',
-        f'{row["latency_p50_ms"]:.1f}', f'{row["latency_p95_ms"]:.1f}')])
+        row['pictures'], row['preset'], f'{row["minutes"]:.0f}', str(row['sent']), str(row['answered']),
+        str(row['dropped']), str(row['lost']), f'{row["memory_first_mb"]:.1f} to {row["memory_last_mb"]:.1f}',
+        f'{row["growth_mb_per_hour"]:.1f}', f'{row["latency_p50_ms"]:.1f}', f'{row["latency_p95_ms"]:.1f}')
+        for row in rows])
 
 
 def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:

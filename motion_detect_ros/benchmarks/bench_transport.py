@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 
+from motion_detect_ros.benchmarks.accuracy_clips import Clip
 from motion_detect_ros.benchmarks.bench_clips import clips_there
 from motion_detect_ros.benchmarks.bench_nodes import NodeProcesses
 from motion_detect_ros.benchmarks.bench_timing import Timing, flight
@@ -79,6 +80,11 @@ def pictures(width: int = 960, height: int = 540) -> list[ByteArray]:
     return [image for image, _ in flight(FlightConfig(width=width, height=height, frames=LOOP_FRAMES))]
 
 
+def clip_pictures(clip: Clip, frames: int) -> list[ByteArray]:
+    """The first pictures of a real clip."""
+    return [frame.image for frame in islice(clip.source(), frames)]
+
+
 def latencies(preset: str, frames: int) -> list[Latency]:
     """The 960x540 flight through every graph of ``GRAPHS`` at every rate of ``RATES_HZ``."""
     return [_one_graph(preset, name, frames, rate_hz, pictures()) for rate_hz in RATES_HZ for name in GRAPHS]
@@ -89,7 +95,7 @@ def clip_latencies(frames: int) -> list[Latency]:
     clip = next(iter(clips_there()), None)
     if clip is None:
         return []
-    images = [frame.image for frame in islice(clip.source(), LOOP_FRAMES)]
+    images = clip_pictures(clip, LOOP_FRAMES)
     return [_one_graph(clip.preset, name, frames, RATE_HZ, images) for name in GRAPHS]
 
 

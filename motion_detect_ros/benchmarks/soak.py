@@ -2,12 +2,14 @@
 
     python -m motion_detect_ros.benchmarks.soak --minutes 30 -o out/soak
 
+    python -m motion_detect_ros.benchmarks.soak --minutes 30 --real --preset visdrone -o out/soak_real
+
     python -m motion_detect_ros.benchmarks.soak --minutes 30 --rate 5 --faults "four nodes" -o out/soak
 
 Writes ``samples.csv`` as it goes and ``summary.json`` at the end, or when it is interrupted. With ``--faults``, for 3
 minutes at least, a graph is fed real pictures where ``MOTION_DETECT_DATA`` holds some, and disturbed all the time
 (``soak_faults``): writes ``processes.csv`` and ``summary.json`` likewise. Exit codes: 0 steady, 1 memory grows or
-pictures get lost, 2 wrong use or a node that ends.
+pictures get lost, 2 wrong use or a node that ends. With ``--real`` the pictures are those of a real clip, in a loop.
 """
 
 from __future__ import annotations
@@ -26,9 +28,18 @@ from pathlib import Path
 import numpy as np
 
 from motion_detect_ros.benchmarks import soak_faults
+from motion_detect_ros.benchmarks.accuracy_clips import DATA_VARIABLE, Clip
+from motion_detect_ros.benchmarks.bench_clips import clips_there
 from motion_detect_ros.benchmarks.bench_nodes import NodeProcesses
 from motion_detect_ros.benchmarks.bench_timing import Timing
-from motion_detect_ros.benchmarks.bench_transport import GRAPHS, RATE_HZ, await_nodes, parameters, pictures
+from motion_detect_ros.benchmarks.bench_transport import (
+    GRAPHS,
+    RATE_HZ,
+    await_nodes,
+    clip_pictures,
+    parameters,
+    pictures,
+)
 from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.feeder import Feeder
 from motion_detect_ros.cli.domains import own_domain
@@ -42,6 +53,8 @@ GROWTH_MB_PER_HOUR, GROWTH_MB = 20.0, 5.0
 #: Pictures that may be neither answered nor counted as dropped: what came since the last report, and a share.
 UNREPORTED, LOST_SHARE = 40, 0.002
 NODE = 'pipeline'
+#: Where the pictures are from without ``--real``.
+FLIGHT = 'built-in flight'
 
 
 @dataclass(frozen=True)
@@ -63,10 +76,12 @@ class Sample:
 
 @dataclass(frozen=True)
 class SoakSummary:
-    """``lost``: pictures neither answered nor counted as dropped by the node; ``growth_mb_per_hour``: slope of a line
-    through the memory of the settled part; ``steady``: the result.
+    """``pictures``: where they are from; ``lost``: those neither answered nor counted as dropped by the node;
+    ``growth_mb_per_hour``: slope of a line through the memory of the settled part; ``steady``: the result.
     """
 
+    pictures: str
+    preset: str
     minutes: float
     rate_hz: float
     sent: int
@@ -112,12 +127,18 @@ class Sampler:
         return int(self._feeder.diagnostics(NODE).get(name, '0'))
 
 
-def soak(minutes: float, preset: str, rate_hz: float, folder: Path, period_s: float = PERIOD_S) -> SoakSummary:
-    """Run, write the files, give the summary. Raises: SourceError where the node ends."""
+def soak(
+    minutes: float, preset: str, rate_hz: float, folder: Path, period_s: float = PERIOD_S, clip: Clip | None = None,
+) -> SoakSummary:
+    """Run, write the files, give the summary. clip: whose pictures are shown in a loop, None = those of the flight.
+
+    Raises: SourceError where the node ends.
+    """
+    images = pictures() if clip is None else clip_pictures(clip, soak_faults.CLIP_FRAMES)
     folder.mkdir(parents=True, exist_ok=True)
     samples, domain = list[Sample](), own_domain()
     try:
-        with Feeder(domain, pictures(), rate_hz) as feeder, \
+        with Feeder(domain, images, rate_hz) as feeder, \
                 NodeProcesses((NODE,), domain, parameters(preset)) as processes, \
                 (folder / 'samples.csv').open('w', newline='', encoding='utf-8') as file:
             writer = csv.writer(file)
@@ -133,13 +154,13 @@ def soak(minutes: float, preset: str, rate_hz: float, folder: Path, period_s: fl
                 file.flush()
                 print(_line(samples[-1]), flush=True)
     finally:
-        summary = summarize(samples, rate_hz)
+        summary = summarize(samples, rate_hz, FLIGHT if clip is None else clip.name, preset)
         (folder / soak_faults.SUMMARY_NAME).write_text(json.dumps(asdict(summary), indent=1) + '\n', encoding='utf-8')
     return summary
 
 
-def summarize(samples: Sequence[Sample], rate_hz: float) -> SoakSummary:
-    """Summary of the samples."""
+def summarize(samples: Sequence[Sample], rate_hz: float, shown: str, preset: str) -> SoakSummary:
+    """Summary of the samples. shown: where the pictures are from."""
     settled = samples[int(SETTLED_SHARE * len(samples)):]
     memory = [sample.memory_mb for sample in settled] or [math.nan]
     sent, answered = sum(sample.sent for sample in samples), sum(sample.answered for sample in samples)
@@ -149,8 +170,8 @@ def summarize(samples: Sequence[Sample], rate_hz: float) -> SoakSummary:
     grows = growth > GROWTH_MB and per_hour > GROWTH_MB_PER_HOUR
     known = [sample for sample in samples if math.isfinite(sample.latency_p50_ms)]
     return SoakSummary(
-        round(samples[-1].seconds / 60.0, 2) if samples else 0.0, rate_hz, sent, answered, dropped, errors, lost,
-        memory[0], memory[-1], max(memory), round(growth, 1), round(per_hour, 1),
+        shown, preset, round(samples[-1].seconds / 60.0, 2) if samples else 0.0, rate_hz, sent, answered, dropped,
+        errors, lost, memory[0], memory[-1], max(memory), round(growth, 1), round(per_hour, 1),
         round(float(np.median([sample.latency_p50_ms for sample in known] or [math.nan])), 2),
         round(float(np.median([sample.latency_p95_ms for sample in known] or [math.nan])), 2),
         max((sample.latency_max_ms for sample in known), default=math.nan),
@@ -183,6 +204,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--minutes', type=float, default=30.0, help='how long')
     parser.add_argument('--rate', type=float, default=RATE_HZ, help='pictures a second, 960x540')
     parser.add_argument('--preset', default='default', help='settings: default, visdrone, kitti, report or a YAML file')
+    parser.add_argument('--real', action='store_true', help='pictures of the first real clip that is there, in a loop')
     parser.add_argument('--faults', choices=GRAPHS, help='disturb this graph all the time')
     parser.add_argument('-o', '--output', type=Path, default=Path('out/soak'), help='folder of the files')
     given = parser.parse_args(arguments)
@@ -193,7 +215,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         (given.output / soak_faults.SUMMARY_NAME).unlink(missing_ok=True)  # of another run
         if given.faults:
             return _disturbed(given)
-        summary = soak(given.minutes, given.preset, given.rate, given.output)
+        clip = next(iter(clips_there()), None) if given.real else None
+        if given.real and clip is None:
+            raise ConfigError(f'--real: expected real clips, found none; set {DATA_VARIABLE}')
+        summary = soak(given.minutes, given.preset, given.rate, given.output, clip=clip)
     except KeyboardInterrupt:
         seen = given.output / soak_faults.SUMMARY_NAME
         print(f'interrupted; {f"{seen} holds what was seen" if seen.is_file() else "nothing was seen yet"}',

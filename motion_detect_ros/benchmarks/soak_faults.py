@@ -16,12 +16,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from functools import partial
-from itertools import islice
 from pathlib import Path
 
 from motion_detect_ros.benchmarks.bench_clips import clips_there
 from motion_detect_ros.benchmarks.bench_nodes import NodeProcesses
-from motion_detect_ros.benchmarks.bench_transport import GRAPHS, await_nodes, parameters, pictures
+from motion_detect_ros.benchmarks.bench_transport import GRAPHS, await_nodes, clip_pictures, parameters, pictures
 from motion_detect_ros.benchmarks.feeder import Answer, Feeder
 from motion_detect_ros.benchmarks.jpeg_stream import JpegStream
 from motion_detect_ros.benchmarks.soak_verdict import LEAST_MINUTES, Fault, ProcessSample, Verdict, judge, settled_s
@@ -209,7 +208,7 @@ def run(minutes: float, graph_name: str, preset: str, rate_hz: float, folder: Pa
 def real_pictures() -> list[ByteArray]:
     """Of the first clip that is there; else of the synthetic flight."""
     clip = next(iter(clips_there()), None)
-    return pictures() if clip is None else [frame.image for frame in islice(clip.source(), CLIP_FRAMES)]
+    return pictures() if clip is None else clip_pictures(clip, CLIP_FRAMES)
 
 
 def _play(graph: Graph, recorder: Recorder, run_s: float) -> None:

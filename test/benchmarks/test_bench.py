@@ -101,7 +101,7 @@ def test_every_part_has_a_section():
 
 
 def test_document_and_json_hold_what_was_measured(tmp_path, capsys):
-    arguments = Namespace(preset='default', frames=10, parts='codec', no_nodes=True, soak=None,
+    arguments = Namespace(preset='default', frames=10, parts='codec', no_nodes=True, soak=[],
                           json=tmp_path / 'figures.json', markdown=tmp_path / 'figures.md')
     assert bench.run(arguments) == 0
     figures = json.loads((tmp_path / 'figures.json').read_text())
@@ -120,17 +120,18 @@ def test_document_and_json_hold_what_was_measured(tmp_path, capsys):
 
 
 def test_a_long_run_is_put_into_the_document_and_stays(tmp_path):
-    summary = {'minutes': 30.0, 'sent': 36000, 'answered': 35990, 'dropped': 8, 'lost': 2, 'memory_first_mb': 337.0,
-               'memory_last_mb': 337.4, 'growth_mb_per_hour': 0.9, 'latency_p50_ms': 31.25, 'latency_p95_ms': 40.0}
+    summary = {'pictures': 'a clip', 'preset': 'visdrone', 'minutes': 30.0, 'sent': 36000, 'answered': 35990,
+               'dropped': 8, 'lost': 2, 'memory_first_mb': 337.0, 'memory_last_mb': 337.4, 'growth_mb_per_hour': 0.9,
+               'latency_p50_ms': 31.25, 'latency_p95_ms': 40.0}
     (tmp_path / 'summary.json').write_text(json.dumps(summary))
-    arguments = Namespace(preset='default', frames=10, parts='codec', no_nodes=True, soak=tmp_path / 'summary.json',
-                          json=tmp_path / 'figures.json', markdown=tmp_path / 'figures.md')
+    arguments = Namespace(preset='default', frames=10, parts='codec', no_nodes=True,
+                          soak=[tmp_path / 'summary.json'] * 2, json=tmp_path / 'figures.json', markdown=tmp_path / 'figures.md')
     assert bench.run(arguments) == 0
-    arguments.soak = None
+    arguments.soak = []
     assert bench.run(arguments) == 0
     text = arguments.markdown.read_text()
-    assert '| 30 | 36000 | 35990 | 8 | 2 | 337.0 to 337.4 | 0.9 | 31.2 | 40.0 |' in text
-    arguments.soak = tmp_path / 'none.json'
+    assert text.count('| a clip | visdrone | 30 | 36000 | 35990 | 8 | 2 | 337.0 to 337.4 | 0.9 | 31.2 | 40.0 |') == 2
+    arguments.soak = [tmp_path / 'none.json']
     with pytest.raises(ConfigError, match=r'none\.json: figures cannot be read: No such file'):
         bench.run(arguments)
 

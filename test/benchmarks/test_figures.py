@@ -78,5 +78,5 @@ class TestWithout:
         assert limits.main(['--picture', str(tmp_path / 'a.png')]) == 2
         assert 'motion_detect_ros[plots]' in capsys.readouterr().err
         with pytest.raises(BackendError, match=MISSING):
-            bench.run(Namespace(frames=60, parts='curves', no_nodes=True, json=None, soak=None, preset='default',
+            bench.run(Namespace(frames=60, parts='curves', no_nodes=True, json=None, soak=[], preset='default',
                                 markdown=tmp_path / 'a.md'))
