@@ -125,7 +125,8 @@ def test_a_long_run_is_put_into_the_document_and_stays(tmp_path):
                'latency_p50_ms': 31.25, 'latency_p95_ms': 40.0}
     (tmp_path / 'summary.json').write_text(json.dumps(summary))
     arguments = Namespace(preset='default', frames=10, parts='codec', no_nodes=True,
-                          soak=[tmp_path / 'summary.json'] * 2, json=tmp_path / 'figures.json', markdown=tmp_path / 'figures.md')
+                          soak=[tmp_path / 'summary.json'] * 2,
+                          json=tmp_path / 'figures.json', markdown=tmp_path / 'figures.md')
     assert bench.run(arguments) == 0
     arguments.soak = []
     assert bench.run(arguments) == 0
