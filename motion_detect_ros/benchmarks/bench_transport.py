@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 
@@ -28,6 +28,8 @@ GRAPHS: dict[str, tuple[str, ...]] = {
 #: Pictures a second: as a camera sends them, and slow enough for nothing to wait.
 RATE_HZ = 20.0
 RATES_HZ = (RATE_HZ, 10.0)
+#: What makes ``pipeline`` do less where it cannot keep up.
+ADAPT = 'load.adapt'
 #: Pictures of the flight that is fed forwards and backwards.
 LOOP_FRAMES = 60
 #: Pictures at the start that do not count, and longest waits, seconds.
@@ -91,17 +93,24 @@ def latencies(preset: str, frames: int) -> list[Latency]:
 
 
 def clip_latencies(frames: int) -> list[Latency]:
-    """The same with the pictures and the preset of the first real clip that is there, at ``RATE_HZ``; else none."""
+    """The same with the pictures and the preset of the first real clip that is there, at ``RATE_HZ``; else none.
+
+    Also ``pipeline`` with ``load.adapt``.
+    """
     clip = next(iter(clips_there()), None)
     if clip is None:
         return []
     images = clip_pictures(clip, LOOP_FRAMES)
-    return [_one_graph(clip.preset, name, frames, RATE_HZ, images) for name in GRAPHS]
+    as_it_is = [_one_graph(clip.preset, name, frames, RATE_HZ, images) for name in GRAPHS]
+    adapting = _one_graph(clip.preset, 'pipeline', frames, RATE_HZ, images, (f'{ADAPT}:=true',))
+    return [*as_it_is, replace(adapting, timing=replace(adapting.timing, name=f'pipeline, {ADAPT}'))]
 
 
-def _one_graph(preset: str, name: str, frames: int, rate_hz: float, images: list[ByteArray]) -> Latency:
-    domain, nodes = own_domain(), GRAPHS[name]
-    with Feeder(domain, images, rate_hz) as feeder, NodeProcesses(nodes, domain, parameters(preset)) as processes:
+def _one_graph(
+    preset: str, name: str, frames: int, rate_hz: float, images: list[ByteArray], changes: tuple[str, ...] = (),
+) -> Latency:
+    domain, nodes, settings = own_domain(), GRAPHS[name], (*parameters(preset), *changes)
+    with Feeder(domain, images, rate_hz) as feeder, NodeProcesses(nodes, domain, settings) as processes:
         await_nodes(feeder, processes, len(nodes))
         feed(feeder, processes, SETTLE_FRAMES)
         before = feeder.sent

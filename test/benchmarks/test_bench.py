@@ -137,6 +137,15 @@ def test_a_long_run_is_put_into_the_document_and_stays(tmp_path):
         bench.run(arguments)
 
 
+def test_graphs_are_held_against_the_goal_of_their_kind():
+    timing = {'name': 'pipeline', 'p50': 30.0, 'p95': 40.0, 'p99': 50.0}
+    row = {'timing': timing, 'rate_hz': 20.0, 'compute_ms': 25.0, 'beyond_ms': 5.0, 'images': 300, 'lost': 7}
+    adapting = {**row, 'timing': {**timing, 'name': 'pipeline, load.adapt'}}
+    text = bench_report.markdown({'machine': bench_report.machine(), 'transport_clip': [row, adapting]})
+    figures = '20 | 30.0 | 40.0 | 50.0 | 25.0 | 5.0 | 6 | 7 of 300 |'
+    assert f'| pipeline | {figures}' in text and f'| pipeline, load.adapt | {figures}' in text
+
+
 def test_stage_table_adds_up(monkeypatch: pytest.MonkeyPatch):
     times = StageTimes(1.0, 2.0, 4.0, 8.0)
     monkeypatch.setattr(bench_stages.MotionPipeline, 'process', lambda *_: SimpleNamespace(times_ms=times))
