@@ -36,7 +36,7 @@ class Every:
     def reset(self) -> None:
         """The next frame is a first one."""
         self._since_s, self._frames = math.inf, LEAST_FRAMES
-        self._turns = 0
+        self._turns, self._in_turn = 0, False
 
     def due(self, dt_s: float) -> bool:
         """Call once for each frame. dt_s: since the one before, seconds."""
