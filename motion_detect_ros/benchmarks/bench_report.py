@@ -86,6 +86,8 @@ Measured when it was built or tried, on the clips named; accuracy that it costs 
 | flow every 0.1 s, in other frames than these (305, processor time of a frame) | 77 ms | 45 ms |
 | freed memory stays with the process (`allocator.py`; page faults, frame) | 7 ms | 0 ms |
 | check of flow by points, one box at a time (305, frame) | 1.4 ms | 0.4 ms |
+| window of the ego-motion's tracker 16 instead of 15 px: OpenCV handles 8 pixels of a row at once, the rest one by \
+one (one thread, ego-motion of KITTI; of 305) | 25 to 28 ms; 11 to 14 ms | 17 ms; 10 to 11 ms |
 
 | does not pay | |
 |---|---|
@@ -93,7 +95,16 @@ Measured when it was built or tried, on the clips named; accuracy that it costs 
 of 68 ms between answers, but these 195 to 219 instead of 91 to 96 ms old; processor time of a frame 69 to 87 ms |
 | kernels compiled with less optimisation (`NUMBA_OPT=0`) | 8.9 instead of 12.5 s, and slower for good: over two \
 thirds are numba's own work in Python, 3.3 s of it for arrays made inside of kernels |
+| boxes of the points' clusters fitted in two threads (305, 28 clusters) | 23 instead of 22 ms: most of it holds \
+Python's lock |
+| one set of points for ego-motion and small objects | 4 to 5 of 60 ms of one thread, but see \
+[accuracy.md](accuracy.md#what-was-tried) |
 | smaller windows, fewer corners, longer intervals than these | 2 to 7 ms of 46, for 0.004 to 0.013 of mean F1 |
+
+What is left is spread thin. Of 61 ms a frame of 305 on one thread (cProfile, before the last line of the first table)
+Lucas and Kanade's tracker takes 21 %, DIS 9 %, corners and errors of pictures 4 % each, triangulation 3 %, ART2, warps
+and resizing 2 % each; the other half goes to 700 functions, none of them over 2 %, and much of it is the cost of
+calling NumPy on a few thousand points. The tracker, DIS and the corners alone are 20 ms.
 '''
 
 
