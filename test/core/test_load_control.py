@@ -29,7 +29,7 @@ def test_nothing_changes_while_there_is_time() -> None:
     assert control.reduced == ''
 
 
-@pytest.mark.parametrize(('full_ms', 'number'), [(45.0, 1), (70.0, 2), (120.0, 3), (230.0, 4)])
+@pytest.mark.parametrize(('full_ms', 'number'), [(45.0, 1), (70.0, 2), (110.0, 3), (150.0, 4)])
 def test_one_decision_finds_a_step_that_fits(full_ms: float, number: int) -> None:
     control = LoadControl()
     assert played(control, full_ms, 20) == [number] * 20
@@ -58,6 +58,19 @@ def test_a_load_that_just_does_not_fit_is_tried_less_and_less_often() -> None:
             tries.append(second)
     gaps = np.diff(tries)
     assert len(tries) >= 4 and (np.diff(gaps) >= 0).all() and gaps[-1] >= 2 * gaps[0]
+
+
+def test_a_try_that_fails_ends_where_it_began() -> None:
+    """The points start anew with the width, so the first second at the larger step costs more than it will."""
+    control = LoadControl()
+    played(control, 75.0, 1)
+    assert STEPS.index(control.step) == 2
+    numbers = []
+    for _ in range(60):
+        load_ms = {0: 90.0, 1: 70.0, 2: 18.0}.get(STEPS.index(control.step), 9.0)
+        control.decide(1e-3 * load_ms * control.step.of, PERIOD_S)
+        numbers.append(STEPS.index(control.step))
+    assert numbers.count(1) >= 2 and set(numbers) == {1, 2}
 
 
 def test_the_last_step_stays_under_any_load() -> None:
