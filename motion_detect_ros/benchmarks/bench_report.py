@@ -97,6 +97,9 @@ of 68 ms between answers, but these 195 to 219 instead of 91 to 96 ms old; proce
 thirds are numba's own work in Python, 3.3 s of it for arrays made inside of kernels |
 | boxes of the points' clusters fitted in two threads (305, 28 clusters) | 23 instead of 22 ms: most of it holds \
 Python's lock |
+| `replay`: reading, both halves of the work and writing in threads of their own (305, frames and results the same) | \
+8.1 to 9.1 instead of 8.7 to 10.4 s, 1.02 to 1.16 times as fast, not the 1.6 hoped for: OpenCV's threads fill both \
+cores already, and with one of them Python's lock is in the way; several inputs at once do better |
 | one set of points for ego-motion and small objects | 4 to 5 of 60 ms of one thread, but see \
 [accuracy.md](accuracy.md#what-was-tried) |
 | smaller windows, fewer corners, longer intervals than these | 2 to 7 ms of 46, for 0.004 to 0.013 of mean F1 |
