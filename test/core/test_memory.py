@@ -1,0 +1,73 @@
+"""What the pipeline holds, and makes within a frame, of the size of an image: bounded, and not growing."""
+
+from __future__ import annotations
+
+import tracemalloc
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from motion_detect_ros.core.geometry.motion_chain import MAX_LINKS
+from motion_detect_ros.core.pipeline import MotionPipeline, warm_up
+from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES
+from motion_detect_ros.presets import load_preset
+from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
+
+WIDTH, HEIGHT, FPS, FRAMES = 480, 270, 20.0, 70
+FULL = WIDTH * HEIGHT
+
+
+@dataclass(frozen=True)
+class Held:
+    """After each frame, and at most within it beyond what was held before; grey images. ``large``: arrays of half an
+    image and more at the end, by file.
+    """
+
+    after: list[float]
+    within: list[float]
+    large: dict[str, int]
+
+
+@pytest.fixture(scope='module', params=['visdrone', 'kitti'])
+def held(request: pytest.FixtureRequest) -> tuple[str, Held]:
+    """Three and a half seconds of the built-in flight."""
+    config = load_preset(request.param)
+    flight = FlightConfig(width=WIDTH, height=HEIGHT, focal_px=0.75 * WIDTH, frames=FRAMES, fps=FPS)
+    frames = [(frame.image, frame.stamp_ns) for frame in SyntheticFlight(flight)]
+    warm_up(config)
+    pipeline, after, within = MotionPipeline(config), [], []
+    tracemalloc.start()
+    try:
+        for image, stamp_ns in frames:
+            before = tracemalloc.get_traced_memory()[0]
+            tracemalloc.reset_peak()
+            pipeline.process(image, stamp_ns)
+            now, peak = tracemalloc.get_traced_memory()
+            after.append(now / FULL)
+            within.append((peak - before) / FULL)
+        large: dict[str, int] = {}
+        for trace in tracemalloc.take_snapshot().traces:
+            if trace.size >= FULL / 2:
+                name = trace.traceback[0].filename.rpartition('/')[2]
+                large[name] = large.get(name, 0) + 1
+    finally:
+        tracemalloc.stop()
+    return request.param, Held(after, within, large)
+
+
+def test_it_does_not_grow(held: tuple[str, Held]) -> None:
+    after = held[1].after
+    assert np.median(after[-15:]) < np.median(after[25:40]) + 1.0
+
+
+def test_large_arrays_are_the_frames_that_are_looked_back_to(held: tuple[str, Held]) -> None:
+    """A second of grey images with points, as many as links are chained without; few others."""
+    preset, found = held
+    frames = MAX_FRAMES if preset == 'visdrone' else MAX_LINKS + 1
+    assert 1 < found.large['stage.py'] <= frames + 1
+    assert sum(found.large.values()) - found.large['stage.py'] <= 6, found.large
+
+
+def test_a_frame_makes_a_bounded_number_more(held: tuple[str, Held]) -> None:
+    assert 1.0 < max(held[1].within[10:]) < 30.0
