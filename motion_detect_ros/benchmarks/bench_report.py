@@ -65,10 +65,10 @@ all frames cost the same: what is over the medians of the nodes waits for a dear
 node lowers the working width while images come faster than it works (its steps: section Real clips).''',
     'start': '''From the start of the process `pipeline` to its first message, while pictures come, and its memory
 then. The process that compiles the kernels, the first after an installation, keeps the compiler's memory.''',
-    'memory': '''Resident memory of `pipeline`, fed with 960x540 at 20 Hz. Most of it is libraries. Of the size of an image
-it holds (preset `visdrone`, 25 Hz, `tracemalloc`) the grey images of the last second and their halves, 32 of each at
-most (26: 17 MB), the paths of the points (2.7 MB), a mask and a buffer of the flow (0.8 MB): 22 MB, as many after 50
-frames as after 110; without points 17 grey images at most. Within a frame come at most 10 MB on top, 19 grey images.
+    'memory': '''Resident memory of `pipeline`, fed with 960x540 at 20 Hz. Most of it is libraries. Of the size of an
+image it holds (preset `visdrone`, 25 Hz, `tracemalloc`) the grey images of the last second and their halves, 32 of each
+at most (26: 17 MB), the paths of the points (2.7 MB), a mask and a buffer of the flow (0.8 MB): 22 MB, as many after
+50 frames as after 110; without points 17 grey images at most. Within a frame come at most 10 MB on top, 19 grey images.
 `test/core/test_memory.py` holds these bounds.''',
     'soak': '''`python -m motion_detect_ros.benchmarks.soak --minutes 30 -o out/soak` and the same with `--real`, put
 here by `bench --soak out/soak/summary.json out/soak_real/summary.json`: `pipeline` under a steady stream of 960x540 at
