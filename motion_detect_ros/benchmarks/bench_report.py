@@ -90,8 +90,9 @@ Measured when it was built or tried, on the clips named; accuracy that it costs 
 | flow every 0.1 s, in other frames than these (305, processor time of a frame) | 77 ms | 45 ms |
 | freed memory stays with the process (`allocator.py`; page faults, frame) | 7 ms | 0 ms |
 | check of flow by points, one box at a time (305, frame) | 1.4 ms | 0.4 ms |
-| window of the ego-motion's tracker 16 instead of 15 px: OpenCV handles 8 pixels of a row at once, the rest one by \
-one (one thread, ego-motion of KITTI; of 305) | 25 to 28 ms; 11 to 14 ms | 17 ms; 10 to 11 ms |
+| window of the ego-motion's tracker 16 instead of 15 px, but for the preset `visdrone`: OpenCV handles 8 pixels of a \
+row at once, the rest one by one (KITTI, one thread, ego-motion; 305 would gain 1 to 3 of 11 to 14 ms) | 25 to 28 ms | \
+17 ms |
 
 | does not pay | |
 |---|---|
