@@ -1,7 +1,7 @@
 """How soon movers are found: the first frames after a start, which the accuracy tables leave out.
 
     python -m motion_detect_ros.benchmarks.first_frames [CLIP ...] [--set NAME=VALUE ...] [--jobs N]
-        [--write docs/accuracy.md]
+        [--data DIR] [--write docs/accuracy.md]
 
 The pipeline is started anew at every 20th frame of each clip and shown 12 frames. Prints F1 over them without the
 first two, in which nothing can be known to move, and recall in single ones.
@@ -10,7 +10,6 @@ first two, in which nothing can be known to move, and recall in single ones.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,16 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from motion_detect_ros.benchmarks.accuracy import read_changes
-from motion_detect_ros.benchmarks.accuracy_clips import (
-    DATA_DEFAULT,
-    DATA_VARIABLE,
-    IOUS,
-    Clip,
-    Job,
-    in_processes,
-    read_clips,
-)
+from motion_detect_ros.benchmarks.accuracy import add_run_arguments, read_changes
+from motion_detect_ros.benchmarks.accuracy_clips import IOUS, SHORT_WARM_UP_FRAMES, Clip, Job, in_processes, read_clips
 from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.generated import show
 from motion_detect_ros.core.pipeline import MotionPipeline
@@ -38,8 +29,8 @@ from motion_detect_ros.results.bootstrap import f1_of
 from motion_detect_ros.results.metrics import COUNTINGS, CountArray, boxes_of, frame_counts
 
 SECTION = 'first frames'
-#: A start at every so many frames, frames shown, and how many of these are not judged by F1.
-EVERY, SHOWN, SKIPPED = 20, 12, 2
+#: A start at every so many frames, and frames shown.
+EVERY, SHOWN = 20, 12
 #: Frames after the start of which recall is told.
 TOLD = (2, 3, 4, 6, 8, 11)
 
@@ -54,7 +45,7 @@ class Starts:
     @property
     def f1(self) -> DoubleArray:
         """(IoUs,) over all starts together, 0 where nothing is wanted or found."""
-        return np.array([float(f1_of(self.counts[:, iou, SKIPPED:].sum(axis=(0, 1)))) for iou in range(len(IOUS))])
+        return f1_of(self.counts[:, :, SHORT_WARM_UP_FRAMES:].sum(axis=(0, 2)))
 
     def recall(self, frame: int) -> float:
         """At the first IoU, in one frame after the start; NaN where nothing is wanted."""
@@ -82,14 +73,14 @@ def starts_of(job: Job) -> Starts:
 def table(found: Sequence[Starts]) -> list[str]:
     """Markdown."""
     head = ['clip', 'starts', *(f'F1 at {iou}' for iou in IOUS), *(f'recall in frame {frame}' for frame in TOLD)]
-    rows = [(f'`{each.clip.name}`', str(len(each.counts)), *(f'{f1:.2f}' for f1 in each.f1),
-             *(f'{each.recall(frame):.2f}' for frame in TOLD)) for each in found]
-    f1s = np.mean([each.f1 for each in found], axis=0)
-    told = np.array([[each.recall(frame) for frame in TOLD] for each in found])
-    recalls = [np.mean(of_frame[np.isfinite(of_frame)]) if np.isfinite(of_frame).any() else np.nan
-               for of_frame in told.T]
-    mean = (f'mean of {len(found)}', str(sum(len(each.counts) for each in found)), *(f'{f1:.3f}' for f1 in f1s),
-            *(f'{recall:.2f}' for recall in recalls))
+    f1s = np.array([each.f1 for each in found])
+    recalls = np.array([[each.recall(frame) for frame in TOLD] for each in found])
+    rows = [(f'`{each.clip.name}`', str(len(each.counts)), *(f'{value:.2f}' for value in (*f1, *recall)))
+            for each, f1, recall in zip(found, f1s, recalls, strict=True)]
+    known = [column[np.isfinite(column)] for column in recalls.T]
+    mean = (f'mean of {len(found)}', str(sum(len(each.counts) for each in found)),
+            *(f'{value:.3f}' for value in f1s.mean(axis=0)),
+            *(f'{values.mean() if len(values) else np.nan:.2f}' for values in known))
     return [f'| {" | ".join(head)} |', '|---' * len(head) + '|', *(f'| {" | ".join(row)} |' for row in (*rows, mean))]
 
 
@@ -98,10 +89,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """The command; exit code 2 for wrong use."""
     parser = argparse.ArgumentParser(prog='first_frames', description=__doc__.partition('\n')[0])
     parser.add_argument('clips', nargs='*', metavar='CLIP', help='names (default: all)')
-    parser.add_argument('--data', type=Path, default=Path(os.environ.get(DATA_VARIABLE, DATA_DEFAULT)),
-                        metavar='DIR', help=f'folder with clips.json (default: {DATA_VARIABLE}, else {DATA_DEFAULT})')
+    add_run_arguments(parser)
     parser.add_argument('--set', nargs='*', default=[], metavar='NAME=VALUE', help='settings on top of the presets')
-    parser.add_argument('--jobs', type=int, default=2, metavar='N', help='processes (default: 2)')
     parser.add_argument('--write', type=Path, metavar='FILE', help='put the table into this document, too')
     options = parser.parse_args(arguments)
     changes = read_changes(options.set)
