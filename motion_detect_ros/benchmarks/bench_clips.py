@@ -87,6 +87,11 @@ def clips_there() -> list[Clip]:
     return [there[name] for name in CLIPS if name in there]
 
 
+def first_clip() -> Clip | None:
+    """The first of ``clips_there``."""
+    return next(iter(clips_there()), None)
+
+
 def clip_costs(frames: int) -> list[dict[str, Any]]:
     """Rows of every clip of ``clips_there``."""
     return [_costs(clip, frames) for clip in clips_there()]

@@ -10,7 +10,7 @@ from functools import partial
 from itertools import islice
 
 from motion_detect_ros.benchmarks.accuracy_clips import Clip
-from motion_detect_ros.benchmarks.bench_clips import clips_there
+from motion_detect_ros.benchmarks.bench_clips import first_clip
 from motion_detect_ros.benchmarks.bench_nodes import NodeProcesses
 from motion_detect_ros.benchmarks.bench_timing import Timing, flight
 from motion_detect_ros.benchmarks.feeder import Answer, Feeder
@@ -97,7 +97,7 @@ def clip_latencies(frames: int) -> list[Latency]:
 
     Also ``pipeline`` with ``load.adapt``.
     """
-    clip = next(iter(clips_there()), None)
+    clip = first_clip()
     if clip is None:
         return []
     images = clip_pictures(clip, LOOP_FRAMES)

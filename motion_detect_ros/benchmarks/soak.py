@@ -29,7 +29,7 @@ import numpy as np
 
 from motion_detect_ros.benchmarks import soak_faults
 from motion_detect_ros.benchmarks.accuracy_clips import DATA_VARIABLE, Clip
-from motion_detect_ros.benchmarks.bench_clips import clips_there
+from motion_detect_ros.benchmarks.bench_clips import first_clip
 from motion_detect_ros.benchmarks.bench_nodes import NodeProcesses
 from motion_detect_ros.benchmarks.bench_timing import Timing
 from motion_detect_ros.benchmarks.bench_transport import (
@@ -212,12 +212,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if not given.minutes > 0.0 or not given.rate > 0.0:
             raise ConfigError(f'--minutes, --rate: expected over 0, got {given.minutes:g}, {given.rate:g}')
+        clip = first_clip() if given.real else None
+        if given.real and clip is None:
+            raise ConfigError(f'--real: expected real clips, found none; set {DATA_VARIABLE}')
         (given.output / soak_faults.SUMMARY_NAME).unlink(missing_ok=True)  # of another run
         if given.faults:
             return _disturbed(given)
-        clip = next(iter(clips_there()), None) if given.real else None
-        if given.real and clip is None:
-            raise ConfigError(f'--real: expected real clips, found none; set {DATA_VARIABLE}')
         summary = soak(given.minutes, given.preset, given.rate, given.output, clip=clip)
     except KeyboardInterrupt:
         seen = given.output / soak_faults.SUMMARY_NAME

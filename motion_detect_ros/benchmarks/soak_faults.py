@@ -18,7 +18,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
-from motion_detect_ros.benchmarks.bench_clips import clips_there
+from motion_detect_ros.benchmarks.bench_clips import first_clip
 from motion_detect_ros.benchmarks.bench_nodes import NodeProcesses
 from motion_detect_ros.benchmarks.bench_transport import GRAPHS, await_nodes, clip_pictures, parameters, pictures
 from motion_detect_ros.benchmarks.feeder import Answer, Feeder
@@ -207,7 +207,7 @@ def run(minutes: float, graph_name: str, preset: str, rate_hz: float, folder: Pa
 
 def real_pictures() -> list[ByteArray]:
     """Of the first clip that is there; else of the synthetic flight."""
-    clip = next(iter(clips_there()), None)
+    clip = first_clip()
     return pictures() if clip is None else clip_pictures(clip, CLIP_FRAMES)
 
 

@@ -58,6 +58,14 @@ def test_real_pictures_that_are_not_there_are_one_line(capsys, tmp_path, monkeyp
     assert capsys.readouterr().err == 'error: --real: expected real clips, found none; set MOTION_DETECT_DATA\n'
 
 
+@pytest.mark.parametrize('more', [[], ['--faults', 'pipeline']])
+def test_real_pictures_that_are_not_there_cost_no_earlier_run(more, tmp_path, monkeypatch):
+    monkeypatch.setenv('MOTION_DETECT_DATA', str(tmp_path))
+    (tmp_path / 'summary.json').write_text('of an earlier run')
+    assert soak.main(['--real', '-o', str(tmp_path), '--minutes', '0.5', *more]) == 2
+    assert (tmp_path / 'summary.json').read_text() == 'of an earlier run'
+
+
 @pytest.mark.timing
 @pytest.mark.skipif(not os.environ.get('SOAK_MINUTES'), reason='set SOAK_MINUTES for a long run')
 def test_long_run_is_steady(tmp_path):
