@@ -30,12 +30,13 @@ FORCED, WRONG_USE = 1, 2
 ENDING_TIMEOUT_S = 20.0
 #: Ctrl-C on ros2 launch sends two: the terminal's to the whole process group, and launch's own.
 PATIENT_SIGNALS = 2
-#: Functions (module, name; empty = all) that no exception may leave, and when to try again where a signal has found
-#: one, seconds: those that LLVM calls; what makes and ends the compiler's objects, as the end of half of one is told
-#: on stderr; what Python's import does when a module's lock goes.
+#: Functions (part of the module's path, name; empty = all) that no exception may leave, and when to try again where a
+#: signal has found one, seconds: those that LLVM calls; what makes and ends the compiler's objects, as the end of half
+#: of one is told on stderr; destructors, and what Python calls when an object or a module's lock goes.
 UNBROKEN, RETRY_S = (
-    ('llvmlite/binding/executionengine.py', ''),
-    *(('llvmlite/binding/ffi.py', name) for name in ('__init__', 'close', 'detach', '__del__')),
+    ('/llvmlite/binding/executionengine.py', ''),
+    *(('/llvmlite/binding/', name) for name in ('__init__', 'close', 'detach')),
+    ('', '__del__'), ('/weakref.py', ''), ('/_weakrefset.py', ''),
     ('<frozen importlib._bootstrap>', 'cb')), 0.02
 
 
@@ -83,7 +84,7 @@ def _unbroken(frame: FrameType | None) -> bool:
     """Whether that frame or one above it is of ``UNBROKEN``: what is raised there is printed and lost."""
     while frame is not None:
         code = frame.f_code
-        if any(code.co_filename.endswith(module) and name in {'', code.co_name} for module, name in UNBROKEN):
+        if any(part in code.co_filename and name in {'', code.co_name} for part, name in UNBROKEN):
             return True
         frame = frame.f_back
     return False

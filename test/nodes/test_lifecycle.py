@@ -52,6 +52,7 @@ class Managed:
         self._change = peer.node.create_client(ChangeState, f'/{name}/change_state')
         self._state = peer.node.create_client(GetState, f'/{name}/get_state')
         assert peer.until(lambda: self._change.service_is_ready() and self._state.service_is_ready())
+        peer.known_to(f'/{name}')
 
     def change(self, number: int = 0, label: str = '') -> bool:
         return self._answer(self._change, ChangeState.Request(transition=Transition(id=number, label=label))).success
