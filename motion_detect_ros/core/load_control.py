@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 #: Compute time over the period from which the load is too high, and under which the next larger step would have to be.
-TOO_HIGH, LOW_ENOUGH = 0.95, 0.7
+TOO_HIGH, LOW_ENOUGH = 0.95, 0.85
 #: More is done after so many decisions with room for it; where that was too much within so many decisions, patience is
 #: doubled, up to the last number.
 PATIENCE, RELAPSE, MAX_PATIENCE = 3, 10, 48

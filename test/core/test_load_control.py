@@ -46,6 +46,13 @@ def test_it_comes_back_when_the_load_is_gone() -> None:
     assert back[0] == 4  # not at the first sight of room
 
 
+def test_a_dear_start_leaves_no_images_out_for_good() -> None:
+    """The first second costs more than all later ones; then every image fits at half the width, with a quarter to spare."""
+    control = LoadControl()
+    assert played(control, 110.0, 1) == [3]
+    assert played(control, 60.0, 30)[-1] == 2
+
+
 def test_a_load_that_just_does_not_fit_is_tried_less_and_less_often() -> None:
     """The costs of the steps are estimates: here the smaller step promises room that is not there."""
     control, tries = LoadControl(), []
