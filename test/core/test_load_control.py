@@ -47,7 +47,7 @@ def test_it_comes_back_when_the_load_is_gone() -> None:
 
 
 def test_a_dear_start_leaves_no_images_out_for_good() -> None:
-    """The first second costs more than all later ones; then every image fits at half the width, with a quarter to spare."""
+    """The first second costs more than the later ones; then every image fits at half the width, a quarter to spare."""
     control = LoadControl()
     assert played(control, 110.0, 1) == [3]
     assert played(control, 60.0, 30)[-1] == 2

@@ -1,8 +1,9 @@
 """Long-lived points, tracked from frame to frame at working resolution (Lucas and Kanade 1981; Bouguet 2001).
 
 A point starts from the ego-motion and its own velocity, so no pyramid is needed, and what is a few pixels large keeps
-its own motion. About every 0.07 s points are tracked back as well (Kalal et al. 2010). Lengths are pixels of the
-working resolution and do not scale with it: they belong to the tracker's window.
+its own motion. Points that fail, as those on fast objects do while their velocity is not known, are tracked again over
+a pyramid. About every 0.07 s points are tracked back as well (Kalal et al. 2010). Lengths are pixels of the working
+resolution and do not scale with it: they belong to the tracker's window.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ from motion_detect_ros.core.types import BoolArray, ByteArray, FloatArray
 #: matrix, and largest mean error, grey levels.
 WINDOW_PX = 9
 ITERATIONS, SMALL_STEP_PX = 12, 0.02
+#: Levels of the pyramid, above the first, for points that are not where they were looked for.
+FAR_LEVELS = 2
 LEAST_EIGENVALUE, MAX_ERROR_GRAY = 6e-4, 18.0
 #: How often points are tracked back, too, and new ones start, seconds; largest forward-backward error, pixels.
 CHECKED_EVERY_S, FORWARD_BACKWARD_PX = 0.07, 0.3
@@ -148,8 +151,7 @@ class PointTracker:
         now, good = _follow(previous, current, points.now, start)
         if checked:
             back, found = _follow(current, previous, now, points.now + (now - start))
-            away = back - points.now
-            good &= found & (magnitude(away) < FORWARD_BACKWARD_PX)
+            good &= found & (magnitude(back - points.now) < FORWARD_BACKWARD_PX)
         good &= _usable(now, current.shape, mask)
         velocity = (now - carried) / np.float32(dt_s)
         gain = np.where(points.age > 0, VELOCITY_GAIN, 1.0).astype(np.float32)[:, None]
@@ -162,10 +164,21 @@ class PointTracker:
 def _follow(
     one: ByteArray, other: ByteArray, points: FloatArray, start: FloatArray,
 ) -> tuple[FloatArray, BoolArray]:
-    """(N, 2) positions in ``other``, and (N,) whether they were found."""
+    """(N, 2) positions in ``other``, and (N,) whether they were found, over a pyramid where not without."""
+    now, good = _lucas_kanade(one, other, points, start, 0)
+    failed = np.flatnonzero(~good)
+    if len(failed):
+        now[failed], good[failed] = _lucas_kanade(one, other, points[failed], start[failed], FAR_LEVELS)
+    return now, good
+
+
+def _lucas_kanade(
+    one: ByteArray, other: ByteArray, points: FloatArray, start: FloatArray, levels: int,
+) -> tuple[FloatArray, BoolArray]:
+    """(N, 2) positions in ``other``, and (N,) whether they were found. levels: of the pyramid, above the first."""
     moved, found, error = cv2.calcOpticalFlowPyrLK(
         one, other, np.ascontiguousarray(points), np.array(start, np.float32, order='C'),
-        winSize=(WINDOW_PX, WINDOW_PX), maxLevel=0, criteria=_CRITERIA, flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+        winSize=(WINDOW_PX, WINDOW_PX), maxLevel=levels, criteria=_CRITERIA, flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
         minEigThreshold=LEAST_EIGENVALUE)
     good: BoolArray = (found.ravel() > 0) & (error.ravel() < MAX_ERROR_GRAY)
     return moved, good
