@@ -9,6 +9,8 @@ TOO_HIGH, LOW_ENOUGH = 0.95, 0.85
 #: More is done after so many decisions with room for it; where that was too much within so many decisions, patience is
 #: doubled, up to the last number.
 PATIENCE, RELAPSE, MAX_PATIENCE = 3, 10, 48
+#: So many decisions in a row find the load too high before more images are left out: meanwhile a few are lost.
+OVERLOADS = 2
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class LoadControl:
 
     def __init__(self) -> None:
         self._number, self._with_room, self._patience = 0, 0, PATIENCE
-        self._since_more = RELAPSE
+        self._since_more, self._overloads = RELAPSE, 0
 
     @property
     def step(self) -> Step:
@@ -54,8 +56,10 @@ class LoadControl:
         """
         load = compute_s / (self.step.of * period_s)
         self._since_more += 1
-        if load > TOO_HIGH:
-            return self._do_less(load)
+        self._overloads = self._overloads + 1 if load > TOO_HIGH else 0
+        if self._overloads:
+            smaller = STEPS[min(self._number + 1, len(STEPS) - 1)]
+            return (smaller.of == self.step.of or self._overloads >= OVERLOADS) and self._do_less(load)
         larger = STEPS[max(0, self._number - 1)]
         has_room = self._number > 0 and load * larger.cost / self.step.cost < LOW_ENOUGH
         self._with_room = self._with_room + 1 if has_room else 0

@@ -53,6 +53,15 @@ def test_a_dear_start_leaves_no_images_out_for_good() -> None:
     assert played(control, 60.0, 30)[-1] == 2
 
 
+def test_one_dear_second_leaves_no_images_out() -> None:
+    """A few of them wait for one second; to leave out every other one takes two."""
+    control = LoadControl()
+    assert played(control, 70.0, 5) == [2] * 5
+    assert played(control, 90.0, 1) == [2]
+    assert played(control, 70.0, 5) == [2] * 5
+    assert played(control, 90.0, 2) == [2, 3]
+
+
 def test_a_load_that_just_does_not_fit_is_tried_less_and_less_often() -> None:
     """The costs of the steps are estimates: here the smaller step promises room that is not there."""
     control, tries = LoadControl(), []
