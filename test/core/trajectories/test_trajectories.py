@@ -80,7 +80,6 @@ class TestPoints:
         assert len(points) > 50
         assert points.now[:, 0].min() >= 150
 
-
     @pytest.mark.parametrize('starts_in', [0, 5], ids=['new points', 'old points'])
     def test_points_of_what_goes_a_quarter_of_its_size_a_frame_go_with_it(self, starts_in: int) -> None:
         """Texture of all scales, as pictures have: the coarse one leads the tracker to the fine one."""
