@@ -49,8 +49,8 @@ comparisons use other programs. One that can be repeated anywhere is `sysbench c
 events a second here (AMD EPYC, virtual machine), published 2737 for a Raspberry Pi 5 and 1478 for a Pi 4
 (https://leoncode.co.uk/articles/raspberry-pi-benchmarks), so ratios of 1.5 and 2.7. It counts prime numbers by
 division and neither reads memory nor uses vector instructions, which is most of what a detector does, so it flatters
-small cores. Of further cores a second one helps most: two threads take 0.6 to 1.0 of the time of one (section Real clips).
-No other computer has been measured.''',
+small cores. Of further cores a second one helps most: two threads take 0.6 to 1.0 of the time of one
+(section Real clips). No other computer has been measured.''',
     'curves': '''What a frame costs as its content grows. `x^b`: least squares of log time on log x. Objects: small
 cars on 1600x900. Neurons: ART2 alone on 30000 vectors. Cells: `grid_px` 16 to 2 on the built-in flight. Processor: all
 threads together, which other load hardly changes.''',
