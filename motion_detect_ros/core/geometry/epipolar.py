@@ -112,11 +112,15 @@ def estimate_pose(
 
 
 def _ransac(q: DoubleArray, p: DoubleArray, focal_px: float) -> PoseEstimate | None:
-    essential, mask = cv2.findEssentialMat(q, p, np.eye(3), cv2.USAC_MAGSAC, 0.999, INLIER_PX / focal_px)
+    """Of the two turns that an essential matrix stands for, half a turn about the way apart, the small one.
+
+    Which points lie in front of the camera tells them apart only where these are near.
+    """
+    essential, _ = cv2.findEssentialMat(q, p, np.eye(3), cv2.USAC_MAGSAC, 0.999, INLIER_PX / focal_px)
     if essential is None or essential.shape != (3, 3):
         return None
-    _, rotation, direction, _ = cv2.recoverPose(essential, q, p, np.eye(3), mask=mask.copy())
-    return PoseEstimate(rotation, direction.ravel(), 0.0)
+    *turns, direction = cv2.decomposeEssentialMat(essential)
+    return PoseEstimate(max(turns, key=np.trace), direction.ravel(), 0.0)
 
 
 def refine_pose(q: DoubleArray, p: DoubleArray, start: PoseEstimate, focal_px: float) -> PoseEstimate:

@@ -121,3 +121,18 @@ def test_inverse_depth_is_that_of_the_scene():
     depth_earlier = ((x_now - translation) @ rotation)[..., 2]
     assert np.allclose(lines.inverse_depth(s), step / depth_earlier, rtol=2e-2, atol=1e-4)
     assert np.allclose(lines.from_inverse_depth(lines.inverse_depth(s)), s, atol=1e-6)
+
+
+@pytest.mark.parametrize('swapped', [False, True])
+@pytest.mark.parametrize('drive', DRIVES)
+def test_the_camera_does_not_turn_upside_down(drive: str, swapped: bool, monkeypatch: pytest.MonkeyPatch):
+    """Of the two turns of an essential matrix OpenCV may name either first."""
+    earlier, now, rotation, _ = _seen(drive)
+    decomposed = cv2.decomposeEssentialMat
+
+    def either(essential: np.ndarray) -> tuple[np.ndarray, ...]:
+        one, other, direction = decomposed(essential)
+        return (other, one, direction) if swapped else (one, other, direction)
+
+    monkeypatch.setattr(cv2, 'decomposeEssentialMat', either)
+    assert _turn_error_deg(epipolar._ransac(earlier, now, CAMERA.fx).rotation, rotation) < 1.0
