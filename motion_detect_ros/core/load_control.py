@@ -9,7 +9,8 @@ TOO_HIGH, LOW_ENOUGH = 0.95, 0.85
 #: More is done after so many decisions with room for it; where that was too much within so many decisions, patience is
 #: doubled, up to the last number.
 PATIENCE, RELAPSE, MAX_PATIENCE = 3, 10, 48
-#: So many decisions in a row find the load too high before more images are left out: meanwhile a few are lost.
+#: So many decisions in a row find the load too high before a next step that leaves more images out: a single one loses
+#: a few, and the step every other one for ``PATIENCE``.
 OVERLOADS = 2
 
 
@@ -58,8 +59,7 @@ class LoadControl:
         self._since_more += 1
         self._overloads = self._overloads + 1 if load > TOO_HIGH else 0
         if self._overloads:
-            smaller = STEPS[min(self._number + 1, len(STEPS) - 1)]
-            return (smaller.of == self.step.of or self._overloads >= OVERLOADS) and self._do_less(load)
+            return self._do_less(load)
         larger = STEPS[max(0, self._number - 1)]
         has_room = self._number > 0 and load * larger.cost / self.step.cost < LOW_ENOUGH
         self._with_room = self._with_room + 1 if has_room else 0
@@ -71,7 +71,10 @@ class LoadControl:
     def _do_less(self, load: float) -> bool:
         """As many steps down as the load is expected to need; only back where a try of more has just failed."""
         before, last, full = self._number, len(STEPS) - 1, load / self.step.cost
-        self._number, self._with_room = min(before + 1, last), 0
+        smaller, self._with_room = min(before + 1, last), 0
+        if STEPS[smaller].of > self.step.of and self._overloads < OVERLOADS:
+            return False
+        self._number = smaller
         if self._since_more <= RELAPSE:
             self._patience, self._since_more = min(MAX_PATIENCE, 2 * self._patience), RELAPSE
         else:

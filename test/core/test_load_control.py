@@ -62,6 +62,15 @@ def test_one_dear_second_leaves_no_images_out() -> None:
     assert played(control, 90.0, 2) == [2, 3]
 
 
+def test_a_dear_second_ends_a_row_of_those_with_room() -> None:
+    """Room has to be there for three seconds in a row, also where nothing more was done about the dear one."""
+    control = LoadControl()
+    played(control, 70.0, 1)
+    assert played(control, 40.0, 2) == [2, 2]
+    assert played(control, 90.0, 1) == [2]
+    assert played(control, 40.0, 3) == [2, 2, 1]
+
+
 def test_a_load_that_just_does_not_fit_is_tried_less_and_less_often() -> None:
     """The costs of the steps are estimates: here the smaller step promises room that is not there."""
     control, tries = LoadControl(), []
