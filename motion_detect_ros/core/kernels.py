@@ -1,4 +1,7 @@
-"""How the loops over pixels are compiled: cached on disk where that is possible, and running where it is not."""
+"""How the loops over pixels are compiled: cached on disk where that is possible, and running where it is not.
+
+Kernels fill arrays that their callers make, scratch arrays too: to make them inside doubles what compiling takes.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ def kernel(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     ``numba.njit``.
     """
     def compiled(function: Callable[..., Any]) -> Any:
-        dispatcher = numba.njit(nogil=True, **options)(function)
+        dispatcher = numba.njit(nogil=True, no_cfunc_wrapper=True, **options)(function)  # type: ignore[call-overload]
         with suppress(RuntimeError):  # no folder can be written, neither here nor in the user's home
             dispatcher._cache = _ForgivingCache(function)  # type: ignore[no-untyped-call]
         return dispatcher

@@ -61,20 +61,25 @@ class Art2(Art2Network[Presented]):
 
     def _feed(self, vectors: FloatArray) -> Presented:
         length = _lengths(vectors)
-        return Presented(vectors, length, _background_match(length))
+        wide = length.astype(np.float64)
+        return Presented(vectors, length, 1.0 - wide / (wide + 1.0))  # the background's length is 0
 
     def _compete(self, f1: Presented, labels: LabelArray, match: FloatArray) -> int:
         return int(_compete(
-            f1.vectors, f1.length, f1.background_match, self.prototypes, self._config.vigilance, labels, match))
+            f1.vectors, f1.length, f1.background_match, self.prototypes, _lengths(self.prototypes),
+            self._config.vigilance, labels, match))
 
     def _compete_new(self, f1: Presented, labels: LabelArray, match: FloatArray) -> None:
-        _compete_new(f1.vectors, f1.length, f1.background_match, self.prototypes, self._config.vigilance, labels, match)
+        _compete_new(f1.vectors, f1.length, f1.background_match, self.prototypes, _lengths(self.prototypes),
+                     self._config.vigilance, labels, match)
 
     def _commitment(self, f1: Presented, index: int) -> FloatArray:
         return f1.vectors[index]
 
     def _learn(self, f1: Presented, labels: LabelArray) -> None:
-        _learn(f1.vectors, labels, self.prototypes, self._config.learning_rate)
+        prototypes = self.prototypes
+        _learn(f1.vectors, labels, prototypes, self._config.learning_rate, np.zeros(len(prototypes), np.int64),
+               np.zeros(prototypes.shape))
 
     def _pair_matches(self) -> DoubleArray:
         prototypes = self.prototypes.astype(np.float64)
@@ -82,6 +87,13 @@ class Art2(Art2Network[Presented]):
         distance = np.linalg.norm(prototypes[:, None] - prototypes, axis=2)
         matches: DoubleArray = 1.0 - distance / (length[:, None] + length + 1.0)
         return matches
+
+
+def _lengths(vectors: FloatArray) -> FloatArray:
+    """(N,) of each row, NaN where it is not finite."""
+    length = np.empty(len(vectors), np.float32)
+    _fill_lengths(vectors, length)
+    return length
 
 
 @kernel()
@@ -92,24 +104,13 @@ def similarity(sx, sy, tx, ty):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def _lengths(vectors):  # type: ignore[no-untyped-def]
-    """(N,) float32 length of each row, NaN where it is not finite."""
-    length = np.empty(vectors.shape[0], np.float32)
+def _fill_lengths(vectors, length):  # type: ignore[no-untyped-def]
+    """``length``: (N,) of each row, NaN where it is not finite."""
     for i in range(vectors.shape[0]):
         total = np.float32(0.0)
         for d in range(vectors.shape[1]):
             total += vectors[i, d] * vectors[i, d]
         length[i] = np.sqrt(total) if np.isfinite(total) else np.nan
-    return length
-
-
-@kernel()
-def _background_match(length):  # type: ignore[no-untyped-def]
-    """(N,) similarity with the background, whose length is 0."""
-    background_match = np.empty(length.shape[0], np.float64)
-    for i in range(length.shape[0]):
-        background_match[i] = 1.0 - length[i] / (length[i] + 1.0)
-    return background_match
 
 
 @kernel()
@@ -123,13 +124,14 @@ def _match(vectors, length, i, prototypes, j, prototype_length):  # type: ignore
 
 
 @kernel()
-def _compete(vectors, length, background_match, prototypes, vigilance, labels, match):  # type: ignore[no-untyped-def]
+def _compete(  # type: ignore[no-untyped-def]
+    vectors, length, background_match, prototypes, prototype_length, vigilance, labels, match,
+):
     """F2: background first, then the best of the others; returns how many labels changed.
 
     ``match`` becomes the best match with any neuron, whoever wins: novelty must not depend on the vigilance.
     """
     changed = 0
-    prototype_length = _lengths(prototypes)
     for i in range(vectors.shape[0]):
         best, best_match = -1, 0.0
         if np.isfinite(length[i]):
@@ -149,13 +151,14 @@ def _compete(vectors, length, background_match, prototypes, vigilance, labels, m
 
 
 @kernel()
-def _compete_new(vectors, length, background_match, prototypes, vigilance, labels, match):  # type: ignore[no-untyped-def]
+def _compete_new(  # type: ignore[no-untyped-def]
+    vectors, length, background_match, prototypes, prototype_length, vigilance, labels, match,
+):
     """The newest neuron takes the vectors it matches best, but none that resonates with the background."""
     new = prototypes.shape[0] - 1
-    new_length = _lengths(prototypes[new:])[0]
     for i in range(vectors.shape[0]):
         if labels[i] >= 0:
-            m = _match(vectors, length, i, prototypes, new, new_length)
+            m = _match(vectors, length, i, prototypes, new, prototype_length[new])
             if m > match[i]:
                 match[i] = m
                 if background_match[i] < vigilance:
@@ -163,10 +166,11 @@ def _compete_new(vectors, length, background_match, prototypes, vigilance, label
 
 
 @kernel()
-def _learn(vectors, labels, prototypes, rate):  # type: ignore[no-untyped-def]
-    """Resonance: every neuron but the background moves towards the mean of the vectors it won."""
-    count = np.zeros(prototypes.shape[0], np.int64)
-    total = np.zeros(prototypes.shape, np.float64)
+def _learn(vectors, labels, prototypes, rate, count, total):  # type: ignore[no-untyped-def]
+    """Resonance: every neuron but the background moves towards the mean of the vectors it won.
+
+    count, total: (K,) and (K, D) zeros.
+    """
     for i in range(vectors.shape[0]):
         j = labels[i]
         if j > 0:

@@ -216,12 +216,12 @@ def _most_novel(vectors, background_match, match, below):  # type: ignore[no-unt
 
     Of equally novel vectors the one with the smaller components, whatever the raster.
     """
-    novel, lowest = -1, np.float32(2.0)
+    novel, lowest = np.int64(-1), np.float32(2.0)  # a plain -1 has kernels compiled for it
     for i in range(vectors.shape[0]):
         if not background_match[i] < below or match[i] > lowest:  # NaN is not presented
             continue
         if novel < 0 or match[i] < lowest or _precedes(vectors, i, novel):
-            novel, lowest = i, match[i]
+            novel, lowest = np.int64(i), match[i]
     return novel, lowest
 
 

@@ -49,11 +49,12 @@ def growth(flow: FlowField, object_flow: FloatArray, seen: Candidate, seconds: f
     cell_x, cell_y = flow.width / columns, flow.height / rows
     (u, v), (width, height) = seen.centre.tolist(), seen.size.tolist()
     motion_x, motion_y = (seen.velocity_px_s * seconds).tolist()
-    shrunk, variance, cells = _shrinkage(
-        flow.flow, object_flow, motion_x, motion_y,
-        max(0, math.floor((u - width / 2.0) / cell_x)), max(0, math.floor((v - height / 2.0) / cell_y)),
-        min(columns, math.ceil((u + width / 2.0) / cell_x)), min(rows, math.ceil((v + height / 2.0) / cell_y)),
-        cell_x, cell_y)
+    left, top = max(0, math.floor((u - width / 2.0) / cell_x)), max(0, math.floor((v - height / 2.0) / cell_y))
+    right = min(columns, math.ceil((u + width / 2.0) / cell_x))
+    bottom = min(rows, math.ceil((v + height / 2.0) / cell_y))
+    most = max(0, right - left) * max(0, bottom - top)
+    shrunk, variance, cells = _shrinkage(flow.flow, object_flow, motion_x, motion_y, left, top, right, bottom, cell_x,
+                                         cell_y, np.empty((5, most)), np.empty((2, most), np.float32))
     if cells < MIN_CELLS or seconds <= 0.0:
         return None
     before = max(1.0 - shrunk, MIN_SHRINKAGE)
@@ -70,15 +71,15 @@ def _log_size(seen: Candidate, width: int, height: int) -> float:
 
 @kernel()
 def _shrinkage(  # type: ignore[no-untyped-def]
-    flow, object_flow, motion_x, motion_y, left, top, right, bottom, cell_x, cell_y,
+    flow, object_flow, motion_x, motion_y, left, top, right, bottom, cell_x, cell_y, cells, errors,
 ):
     """Scale part a of flow = t + a p + b rot90(p) over the cells of this motion, its variance, their number.
 
     Least squares re-weighted by Tukey's biweight; positions about their weighted mean, so that the normal equations
-    are diagonal.
+    are diagonal. cells: (5, n), errors: (2, n) for the n cells of the window.
     """
-    most = (bottom - top) * (right - left)
-    x, y, u, v = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
+    x, y, u, v, weight = cells[0], cells[1], cells[2], cells[3], cells[4]
+    error, ordered = errors[0], errors[1]
     least, count = MOTION_SHARE * (motion_x ** 2 + motion_y ** 2), 0
     for row in range(top, bottom):
         for column in range(left, right):
@@ -86,12 +87,11 @@ def _shrinkage(  # type: ignore[no-untyped-def]
             if not along >= least:  # NaN is not
                 continue
             x[count], y[count] = (column + 0.5) * cell_x, (row + 0.5) * cell_y
-            u[count], v[count] = flow[row, column, 0], flow[row, column, 1]
+            u[count], v[count], weight[count] = flow[row, column, 0], flow[row, column, 1], 1.0
             count += 1
     if count < MIN_CELLS:
         return 0.0, np.inf, count
-    x, y, u, v = x[:count], y[:count], u[:count], v[:count]
-    weight, error = np.ones(count), np.empty(count, np.float32)
+    x, y, u, v, weight = x[:count], y[:count], u[:count], v[:count], weight[:count]
     scale, variance = 0.0, np.inf
     for _ in range(ROUNDS):
         scale, turn, spread, mean = _similarity(x, y, u, v, weight)
@@ -100,7 +100,8 @@ def _shrinkage(  # type: ignore[no-untyped-def]
         for n in range(count):
             px, py = x[n] - mean[0], y[n] - mean[1]
             error[n] = np.hypot(u[n] - mean[2] - scale * px + turn * py, v[n] - mean[3] - scale * py - turn * px)
-        sigma = max(MIN_SIGMA_PX, median(error) / RAYLEIGH_MEDIAN)
+            ordered[n] = error[n]
+        sigma = max(MIN_SIGMA_PX, median(ordered[:count]) / RAYLEIGH_MEDIAN)
         variance = sigma ** 2 * CELLS_A_PATCH / spread
         for n in range(count):
             weight[n] = max(0.0, 1.0 - (error[n] / (TUKEY_C * sigma)) ** 2) ** 2

@@ -33,14 +33,13 @@ class MotionField:
 
     def background_flow(self, region: Box, width: int, height: int) -> FloatArray:
         """(h, w, 2) motion of the background in a region of the ``width`` x ``height`` working image, its pixels."""
-        flow: FloatArray = _enlarged(self.background.flow, region.left, region.top, region.right, region.bottom,
-                                     width, height, np.float32(self.scale))
+        flow = np.empty((region.height, region.width, 2), np.float32)
+        _enlarge(self.background.flow, region.left, region.top, width, height, np.float32(self.scale), flow)
         return flow
 
     def motion_of(self, segment: Segment) -> FloatArray:
         """(2,) median motion of a segment beyond the ego-motion, working-resolution pixels."""
-        motion: FloatArray = _median_motion(self.residual, segment.rows, segment.columns)
-        return motion * np.float32(self.scale)
+        return self._median_of(self.residual, segment)
 
     @cached_property
     def object_flow(self) -> FloatArray:
@@ -50,7 +49,11 @@ class MotionField:
 
     def object_motion_of(self, segment: Segment) -> FloatArray:
         """(2,) median motion of a segment against the background, working-resolution pixels."""
-        motion: FloatArray = _median_motion(self.object_flow, segment.rows, segment.columns)
+        return self._median_of(self.object_flow, segment)
+
+    def _median_of(self, flow: FloatArray, segment: Segment) -> FloatArray:
+        motion = np.empty(2, np.float32)
+        _median_motion(flow, segment.rows, segment.columns, np.empty((2, len(segment.rows)), np.float32), motion)
         return motion * np.float32(self.scale)
 
     def object_motion(self, rows: slice, columns: slice) -> tuple[FloatArray, float, float]:
@@ -58,8 +61,10 @@ class MotionField:
 
         The median of the faster half of the cells; the slower half is smeared background.
         """
-        motion, known, sigma_px = _object_motion(self.residual, self.background.flow, self.background.sigma_px,
-                                              rows.start, rows.stop, columns.start, columns.stop)
+        motion = np.zeros(2, np.float32)
+        cells = np.empty((5, (rows.stop - rows.start) * (columns.stop - columns.start)), np.float32)
+        known, sigma_px = _object_motion(self.residual, self.background.flow, self.background.sigma_px,
+                                         rows.start, rows.stop, columns.start, columns.stop, cells, motion)
         length = float(np.hypot(motion[0], motion[1]))
         return motion, length / sigma_px if known else 0.0, known
 
@@ -69,65 +74,59 @@ class MotionField:
 
 
 @kernel(error_model='numpy')
-def _enlarged(flow, left, top, right, bottom, width, height, scale):  # type: ignore[no-untyped-def]
-    """(bottom - top, right - left, 2) pixels of a grid over a ``width`` x ``height`` image, linear, times ``scale``.
+def _enlarge(flow, left, top, width, height, scale, enlarged):  # type: ignore[no-untyped-def]
+    """``enlarged``: (h, w, 2) at left, top of a grid over a ``width`` x ``height`` image, linear, times ``scale``.
 
     Between the outermost cells' centres and the image border the outermost cells are replicated.
     """
     rows, columns = flow.shape[:2]
-    enlarged = np.empty((bottom - top, right - left, 2), np.float32)
     across, down, half = np.float32(columns / width), np.float32(rows / height), np.float32(0.5)
-    for y in range(top, bottom):
-        r = min(max((np.float32(y) + half) * down - half, np.float32(0.0)), np.float32(rows - 1))
+    for y in range(enlarged.shape[0]):
+        r = min(max((np.float32(top + y) + half) * down - half, np.float32(0.0)), np.float32(rows - 1))
         above = int(r)
         below, v = min(above + 1, rows - 1), r - np.float32(above)
-        for x in range(left, right):
-            c = min(max((np.float32(x) + half) * across - half, np.float32(0.0)), np.float32(columns - 1))
+        for x in range(enlarged.shape[1]):
+            c = min(max((np.float32(left + x) + half) * across - half, np.float32(0.0)), np.float32(columns - 1))
             west = int(c)
             east, u = min(west + 1, columns - 1), c - np.float32(west)
             for axis in range(2):
                 high = flow[above, west, axis] + u * (flow[above, east, axis] - flow[above, west, axis])
                 low = flow[below, west, axis] + u * (flow[below, east, axis] - flow[below, west, axis])
-                enlarged[y - top, x - left, axis] = (high + v * (low - high)) * scale
-    return enlarged
+                enlarged[y, x, axis] = (high + v * (low - high)) * scale
 
 
 @kernel()
-def _median_motion(residual, rows, columns):  # type: ignore[no-untyped-def]
-    """(2,) median of the cells (n,)."""
-    cells = np.empty((2, len(rows)), np.float32)
+def _median_motion(flow, rows, columns, cells, motion):  # type: ignore[no-untyped-def]
+    """``motion``: (2,) median of the cells (n,); cells: (2, n)."""
     for n in range(len(rows)):
-        cells[0, n], cells[1, n] = residual[rows[n], columns[n], 0], residual[rows[n], columns[n], 1]
-    motion = np.empty(2, np.float32)
+        cells[0, n], cells[1, n] = flow[rows[n], columns[n], 0], flow[rows[n], columns[n], 1]
     motion[0], motion[1] = median(cells[0]), median(cells[1])
-    return motion
 
 
 @kernel()
-def _object_motion(residual, flow, sigma_px, top, bottom, left, right):  # type: ignore[no-untyped-def]
-    """(2,) median of the faster half of the known cells of a window, their share, and their median noise."""
-    area = (bottom - top) * (right - left)
-    object_flow = np.empty((2, area), np.float32)
-    length, noise = np.empty(area, np.float32), np.empty(area, np.float32)
+def _object_motion(residual, flow, sigma_px, top, bottom, left, right, cells, motion):  # type: ignore[no-untyped-def]
+    """``motion``: (2,) zeros, then the median of the faster half of the known cells of a window. Returns the share that
+    is known, and the median noise of those. cells: (5, n) for the n cells of the window.
+    """
+    object_x, object_y, length, ordered, noise = cells[0], cells[1], cells[2], cells[3], cells[4]
     count = 0
     for r in range(top, bottom):
         for c in range(left, right):
             x, y = residual[r, c, 0] - flow[r, c, 0], residual[r, c, 1] - flow[r, c, 1]
             if np.isfinite(x):
-                object_flow[0, count], object_flow[1, count], length[count] = x, y, np.hypot(x, y)
-                noise[count] = sigma_px[r, c]
+                object_x[count], object_y[count], noise[count] = x, y, sigma_px[r, c]
+                length[count] = ordered[count] = np.hypot(x, y)
                 count += 1
-    motion = np.zeros(2, np.float32)
     if count == 0:
-        return motion, 0.0, 0.0
-    limit = median(length[:count])
+        return 0.0, 0.0
+    limit = median(ordered[:count])
     fast = 0
     for n in range(count):
         if length[n] >= limit:
-            object_flow[0, fast], object_flow[1, fast] = object_flow[0, n], object_flow[1, n]
+            object_x[fast], object_y[fast] = object_x[n], object_y[n]
             fast += 1
-    motion[0], motion[1] = median(object_flow[0, :fast]), median(object_flow[1, :fast])
-    return motion, count / area, float(median(noise[:count]))
+    motion[0], motion[1] = median(object_x[:fast]), median(object_y[:fast])
+    return count / len(noise), float(median(noise[:count]))
 
 
 @kernel()

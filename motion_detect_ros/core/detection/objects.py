@@ -22,7 +22,7 @@ from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.order_statistics import percentile
 from motion_detect_ros.core.geometry.warp import grid_points
 from motion_detect_ros.core.kernels import kernel
-from motion_detect_ros.core.types import BoolArray
+from motion_detect_ros.core.types import BoolArray, FloatArray
 
 #: A segment's surroundings that its object may reach into besides its motion, working-resolution pixels.
 MARGIN_PX = 3
@@ -110,15 +110,17 @@ class ObjectFinder:
 
 def _cell_mask(segment: Segment, grid: tuple[int, ...], region: Box, width: int, height: int) -> BoolArray:
     """The segment's cells as pixels of ``region``."""
-    mask: BoolArray = _pixels_of(segment.rows, segment.columns, grid[0], grid[1], region.left, region.top, region.right,
-                                 region.bottom, width, height)
+    mask = np.zeros((region.height, region.width), np.bool_)
+    _fill_pixels(segment.rows, segment.columns, grid[0], grid[1], region.left, region.top, width, height, mask)
     return mask
 
 
 @kernel()
-def _pixels_of(rows, columns, grid_rows, grid_columns, left, top, right, bottom, width, height):  # type: ignore[no-untyped-def]
-    """(bottom - top, right - left) pixels of a ``width`` x ``height`` image that lie in cells (n,) of its grid."""
-    mask = np.zeros((bottom - top, right - left), np.bool_)
+def _fill_pixels(  # type: ignore[no-untyped-def]
+    rows, columns, grid_rows, grid_columns, left, top, width, height, mask,
+):
+    """``mask``: False, then True in cells (n,) of the grid of a ``width`` x ``height`` image; from left, top on."""
+    bottom, right = top + mask.shape[0], left + mask.shape[1]
     for n in range(len(rows)):
         r, c = rows[n], columns[n]
         y0, y1 = max(top, -(-r * height // grid_rows)), min(bottom, -(-(r + 1) * height // grid_rows))
@@ -126,36 +128,49 @@ def _pixels_of(rows, columns, grid_rows, grid_columns, left, top, right, bottom,
         for y in range(y0, y1):
             for x in range(x0, x1):
                 mask[y - top, x - left] = True
-    return mask
 
 
-@kernel()
-def _strong_patches(labels, count, mask, gain, inside, peak_share):  # type: ignore[no-untyped-def]
+def _strong_patches(
+    labels: npt.NDArray[np.int32], count: int, mask: BoolArray, gain: FloatArray, inside: BoolArray, peak_share: float,
+) -> npt.NDArray[np.int64]:
     """(count, 5) left, top, right, bottom, number of the pixels near the peak gain of each label; number 0 where the
     label does not touch ``inside`` or is too small.
     """
+    patches = np.zeros((count, 5), np.int64)
+    _fill_patches(labels, mask, gain, inside, np.float32(peak_share), np.zeros((2, count + 1), np.int64),
+                  np.empty(mask.size, np.float32), np.zeros(count, np.bool_), np.empty(count, np.float32), patches)
+    return patches
+
+
+@kernel()
+def _fill_patches(  # type: ignore[no-untyped-def]
+    labels, mask, gain, inside, peak_share, places, gains, touches, limits, patches,
+):
+    """``patches`` as ``_strong_patches``.
+
+    places: (2, count + 1) zeros, where the pixels of each label begin in ``gains`` (n,), and are filled so far;
+    touches: (count,) False; limits: (count,).
+    """
     height, width = labels.shape
-    pixels, touches = np.zeros(count, np.int64), np.zeros(count, np.bool_)
+    starts, filled = places[0], places[1]
     for y in range(height):
         for x in range(width):
             if mask[y, x]:
-                pixels[labels[y, x]] += 1
-                touches[labels[y, x]] |= inside[y, x]
-    starts = np.zeros(count + 1, np.int64)
-    for label in range(count):
-        starts[label + 1] = starts[label] + pixels[label]
-    filled, gains = starts.copy(), np.empty(starts[count], np.float32)
+                starts[labels[y, x] + 1] += 1
+    for label in range(len(limits)):
+        starts[label + 1] += starts[label]
+        filled[label] = starts[label]
     for y in range(height):
         for x in range(width):
             if mask[y, x]:
-                gains[filled[labels[y, x]]] = gain[y, x]
-                filled[labels[y, x]] += 1
-    limits, patches = np.empty(count, np.float32), np.zeros((count, 5), np.int64)
-    for label in range(count):
+                label = labels[y, x]
+                gains[filled[label]] = gain[y, x]
+                filled[label] += 1
+                touches[label] |= inside[y, x]
+    for label in range(len(limits)):
         limits[label], patches[label, 0], patches[label, 1] = np.inf, width, height
-        if touches[label] and pixels[label] >= MIN_PIXELS:
-            of_label = gains[starts[label]:starts[label + 1]]
-            limits[label] = np.float32(peak_share) * percentile(of_label, PEAK_PERCENTILE)
+        if touches[label] and starts[label + 1] - starts[label] >= MIN_PIXELS:
+            limits[label] = peak_share * percentile(gains[starts[label]:starts[label + 1]], PEAK_PERCENTILE)
     for y in range(height):
         for x in range(width):
             if mask[y, x] and gain[y, x] > limits[labels[y, x]]:
@@ -163,4 +178,3 @@ def _strong_patches(labels, count, mask, gain, inside, peak_share):  # type: ign
                 patches[label, 0], patches[label, 1] = min(patches[label, 0], x), min(patches[label, 1], y)
                 patches[label, 2], patches[label, 3] = max(patches[label, 2], x + 1), max(patches[label, 3], y + 1)
                 patches[label, 4] += 1
-    return patches

@@ -75,12 +75,13 @@ def photometric_test(
     """
     background = np.empty((window.height, window.width, 2), np.float32)
     background[...] = background_flow
-    errors = cv2.blur(_squared_errors(*pair.pictures, pair.back, window.left, window.top, background, motion),
-                      (WINDOW_PX, WINDOW_PX))
-    inner = region.moved(-window.left, -window.top)
-    foreground, gain = _explained(
-        errors, inner.left, inner.top, inner.right, inner.bottom, background, motion, np.float32(noise_gray ** 2),
-        np.float32((noise_gray * threshold_sigma) ** 2), np.float32(threshold_sigma ** 2))
+    errors = np.empty_like(background)
+    _squared_errors(*pair.pictures, pair.back, window.left, window.top, background, motion, errors)
+    foreground = np.zeros((region.height, region.width), np.bool_)
+    gain = np.empty(foreground.shape, np.float32)
+    _explained(cv2.blur(errors, (WINDOW_PX, WINDOW_PX)), region.left - window.left, region.top - window.top,
+               background, motion, np.float32(noise_gray ** 2), np.float32((noise_gray * threshold_sigma) ** 2),
+               np.float32(threshold_sigma ** 2), foreground, gain)
     if pair.mask is not None:
         foreground &= pair.mask[region.top:region.bottom, region.left:region.right]
     return PhotometricTest(foreground, gain)
@@ -99,7 +100,7 @@ def image_noise(pair: ImagePair, points: FloatArray, background: FloatArray) -> 
 
     points: (n, m, 2) sample positions; background: (n, m, 2) motion beyond the ego-motion there, working pixels.
     """
-    spread = _median_error(*pair.pictures, pair.back, points, background)
+    spread = _median_error(*pair.pictures, pair.back, points, background, np.zeros(256, np.int64))
     return max(MIN_NOISE_GRAY, MAD_TO_SIGMA * float(spread))
 
 
@@ -127,10 +128,11 @@ def _grey_before(image, back, x, y):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def _squared_errors(current, reference, back, left, top, background_flow, motion):  # type: ignore[no-untyped-def]
-    """(h, w, 2) squared grey-value error of every pixel of a box under background flow and under the motion."""
+def _squared_errors(  # type: ignore[no-untyped-def]
+    current, reference, back, left, top, background_flow, motion, errors,
+):
+    """``errors``: (h, w, 2) squared ones of the grey values of a box under background flow and under the motion."""
     height, width = background_flow.shape[:2]
-    errors = np.empty((height, width, 2), np.float32)
     for r in range(height):
         y = np.float32(top + r)
         for c in range(width):
@@ -139,30 +141,29 @@ def _squared_errors(current, reference, back, left, top, background_flow, motion
             errors[r, c, 0] = miss * miss
             miss = here - _grey_before(reference, back, x - motion[0], y - motion[1])
             errors[r, c, 1] = miss * miss
-    return errors
 
 
 @kernel(error_model='numpy')
 def _explained(  # type: ignore[no-untyped-def]
-    errors, left, top, right, bottom, background_flow, motion, noise, change, threshold,
+    errors, left, top, background_flow, motion, noise, change, threshold, mask, gain,
 ):
-    """Pixels of a box, in coordinates of ``errors``, with a gain over ``threshold`` and a change at their origin.
+    """``mask``: pixels of a box at left, top of ``errors`` with a gain over ``threshold`` and a change at their origin.
 
-    errors: (h, w, 2) mean squared errors; change: value of the first from which the image changed. Returns
-    (bottom - top, right - left) mask and gain in units of ``noise``.
+    errors: (h, w, 2) mean squared errors; change: value of the first from which the image changed; mask: False;
+    gain: in units of ``noise``.
     """
     height, width = errors.shape[:2]
-    slack = SLACK_PX // 2
-    mask = np.zeros((bottom - top, right - left), np.bool_)
-    gain = np.empty(mask.shape, np.float32)
-    for r in range(top, bottom):
-        for c in range(left, right):
-            value = (errors[r, c, 0] - errors[r, c, 1]) / noise
-            gain[r - top, c - left] = value
-            if not value > threshold:
+    rows, columns = mask.shape
+    slack, motion_x, motion_y = SLACK_PX // 2, motion[0], motion[1]
+    for r in range(rows):
+        for c in range(columns):
+            gain[r, c] = (errors[top + r, left + c, 0] - errors[top + r, left + c, 1]) / noise
+    for r in range(rows):
+        for c in range(columns):
+            if not gain[r, c] > threshold:
                 continue
-            x = np.float32(c) - (motion[0] - background_flow[r, c, 0])
-            y = np.float32(r) - (motion[1] - background_flow[r, c, 1])
+            x = np.float32(left + c) - (motion_x - background_flow[top + r, left + c, 0])
+            y = np.float32(top + r) - (motion_y - background_flow[top + r, left + c, 1])
             if not (-1.0 < x < width and -1.0 < y < height):
                 continue
             column, row = int(np.rint(x)), int(np.rint(y))
@@ -170,14 +171,15 @@ def _explained(  # type: ignore[no-untyped-def]
                 continue
             for near_r in range(max(0, row - slack), min(height, row + slack + 1)):
                 for near_c in range(max(0, column - slack), min(width, column + slack + 1)):
-                    mask[r - top, c - left] |= errors[near_r, near_c, 0] > change
-    return mask, gain
+                    mask[r, c] |= errors[near_r, near_c, 0] > change
 
 
 @kernel()
-def _median_error(current, reference, back, points, background_flow):  # type: ignore[no-untyped-def]
-    """Median grey-value error at ``points`` (n, m, 2) under background flow; by counting, as errors are integers."""
-    counts = np.zeros(256, np.int64)
+def _median_error(current, reference, back, points, background_flow, counts):  # type: ignore[no-untyped-def]
+    """Median grey-value error at ``points`` (n, m, 2) under background flow; by counting, as errors are integers.
+
+    counts: (256,) zeros.
+    """
     for r in range(points.shape[0]):
         for c in range(points.shape[1]):
             x, y = points[r, c, 0], points[r, c, 1]

@@ -44,10 +44,14 @@ def connected_segments(labels: LabelArray, motions: FloatArray, join_match: floa
 
     labels: (gh, gw) int32, 0 = background, negative = not presented; motions: (K, 2) of ``cluster_motions``.
     """
-    joined = _joined(motions, join_match)
-    labels = np.ascontiguousarray(labels)
-    components = _label_components(labels, joined)
-    rows, columns, summaries = _members(labels, components, len(motions))
+    joined = np.zeros((len(motions), len(motions)), np.bool_)
+    _fill_joined(motions, join_match, joined)
+    labels, components = np.ascontiguousarray(labels), np.zeros(labels.shape, np.int32)
+    count = _label_components(labels, joined, components, np.empty((labels.size, 2), np.int32))
+    starts = np.concatenate([[0], np.cumsum(np.bincount(components.ravel(), minlength=count + 1)[1:])])
+    rows, columns = np.empty((2, starts[-1]), np.int64)
+    summaries = np.empty((count, 6), np.int64)
+    _members(labels, components, starts, starts.copy(), np.empty(len(motions), np.int64), rows, columns, summaries)
     segments, start = [], 0
     for stop, neuron, *bounds in summaries.tolist():
         segments.append(Segment(rows[start:stop], columns[start:stop], neuron, Box(*bounds)))
@@ -56,23 +60,22 @@ def connected_segments(labels: LabelArray, motions: FloatArray, join_match: floa
 
 
 @kernel()
-def _joined(motions, join_match):  # type: ignore[no-untyped-def]
-    """(K, K) bool: which neurons count as one motion; the background is never joined."""
+def _fill_joined(motions, join_match, joined):  # type: ignore[no-untyped-def]
+    """``joined``: (K, K) False, then which neurons count as one motion; the background is never joined."""
     n = motions.shape[0]
-    joined = np.zeros((n, n), np.bool_)
     for i in range(1, n):
         for j in range(1, n):
             match = similarity(motions[i, 0], motions[i, 1], motions[j, 0], motions[j, 1])
             joined[i, j] = i == j or match >= join_match
-    return joined
 
 
 @kernel()
-def _label_components(labels, joined):  # type: ignore[no-untyped-def]
-    """Flood fill in raster order; 0 = no component, components count from 1."""
+def _label_components(labels, joined, component, stack):  # type: ignore[no-untyped-def]
+    """``component``: (rows, columns) zeros, then numbers from 1 on, by flood fill in raster order; returns the last.
+
+    stack: (rows * columns, 2).
+    """
     rows, columns = labels.shape
-    component = np.zeros((rows, columns), np.int32)
-    stack = np.empty((rows * columns, 2), np.int32)
     count = 0
     for r0 in range(rows):
         for c0 in range(columns):
@@ -90,44 +93,34 @@ def _label_components(labels, joined):  # type: ignore[no-untyped-def]
                             component[rr, cc] = count
                             stack[top, 0], stack[top, 1] = rr, cc
                             top += 1
-    return component
+    return count
 
 
 @kernel()
-def _members(labels, component, neurons):  # type: ignore[no-untyped-def]
-    """(n,) rows and columns of the cells, component after component, each in raster order; and for each component
-    (6,): where its cells end, the neuron most of them have (the first of equals), left, top, right, bottom.
+def _members(  # type: ignore[no-untyped-def]
+    labels, component, starts, next_at, votes, row_of, column_of, summaries,
+):
+    """``row_of, column_of``: (n,) of the cells, component after component, each in raster order; ``summaries``: of each
+    component (6,): where its cells end, the neuron most of them have (the first of equals), left, top, right, bottom.
+
+    starts: of component n, from 1 on: starts[n - 1] .. starts[n]; next_at: a copy of it; votes: (K,), of neurons.
     """
     rows, columns = labels.shape
-    count = 0
-    for r in range(rows):
-        for c in range(columns):
-            count = max(count, component[r, c])
-    starts = np.zeros(count + 2, np.int64)  # of component n: starts[n] .. starts[n + 1]
-    for r in range(rows):
-        for c in range(columns):
-            if component[r, c] > 0:
-                starts[component[r, c] + 1] += 1
-    for number in range(1, count + 1):
-        starts[number + 1] += starts[number]
-    next_at = starts.copy()
-    row_of, column_of = np.empty(starts[-1], np.int64), np.empty(starts[-1], np.int64)
     for r in range(rows):
         for c in range(columns):
             number = component[r, c]
             if number > 0:
-                row_of[next_at[number]], column_of[next_at[number]] = r, c
-                next_at[number] += 1
-    summaries = np.empty((count, 6), np.int64)
-    for number in range(1, count + 1):
-        votes, left, right, most = np.zeros(neurons, np.int64), columns, 0, 0
+                row_of[next_at[number - 1]], column_of[next_at[number - 1]] = r, c
+                next_at[number - 1] += 1
+    for number in range(len(summaries)):
+        left, right, most = columns, 0, 0
         start, end = starts[number], starts[number + 1]
+        votes[:] = 0
         for n in range(start, end):
             votes[labels[row_of[n], column_of[n]]] += 1
             left, right = min(left, column_of[n]), max(right, column_of[n] + 1)
-        for neuron in range(neurons):
+        for neuron in range(len(votes)):
             most = neuron if votes[neuron] > votes[most] else most
-        summaries[number - 1, 0], summaries[number - 1, 1] = end, most
-        summaries[number - 1, 2], summaries[number - 1, 3] = left, row_of[start]
-        summaries[number - 1, 4], summaries[number - 1, 5] = right, row_of[end - 1] + 1
-    return row_of, column_of, summaries
+        summaries[number, 0], summaries[number, 1] = end, most
+        summaries[number, 2], summaries[number, 3] = left, row_of[start]
+        summaries[number, 4], summaries[number, 5] = right, row_of[end - 1] + 1

@@ -49,13 +49,14 @@ def forward_backward_flow(
     cell_px = np.array([current.shape[1] / columns, current.shape[0] / rows], np.float32)
     target = forward / cell_px + grid_points(rows, columns, columns, rows)
     returned = cv2.remap(backward, target, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return _consistent(forward, returned, np.float32(limit_px ** 2))
+    checked = np.full(forward.shape, np.nan, np.float32)
+    _keep_consistent(forward, returned, np.float32(limit_px ** 2), checked)
+    return checked
 
 
 @kernel()
-def _consistent(forward, returned, limit_squared):  # type: ignore[no-untyped-def]
-    """``forward`` (rows, columns, 2), NaN where it and ``returned``, the backward flow at its end, are inconsistent."""
-    checked = np.full(forward.shape, np.nan, np.float32)
+def _keep_consistent(forward, returned, limit_squared, checked):  # type: ignore[no-untyped-def]
+    """``checked``: NaN, then ``forward`` (rows, columns, 2) where ``returned``, backward flow at its end, agrees."""
     for r in range(forward.shape[0]):
         for c in range(forward.shape[1]):
             dx, dy, back_x, back_y = forward[r, c, 0], forward[r, c, 1], returned[r, c, 0], returned[r, c, 1]
@@ -63,4 +64,3 @@ def _consistent(forward, returned, limit_squared):  # type: ignore[no-untyped-de
             length = (dx * dx + dy * dy) + (back_x * back_x + back_y * back_y)
             if error <= limit_squared + np.float32(CONSISTENT_SHARE) * length:
                 checked[r, c, 0], checked[r, c, 1] = dx, dy
-    return checked

@@ -20,7 +20,8 @@ def first_of_cells(
     """
     columns, rows = int(width / cell_px) + 1, int(height / cell_px) + 1
     first = np.full(rows * columns, -1, np.intp)
-    _first(points, 1.0 / cell_px, columns, np.arange(len(points)) if order is None else order, first)
+    order = np.arange(len(points)) if order is None else order
+    _first(np.ascontiguousarray(points), 1.0 / cell_px, columns, order, first)
     return np.sort(first[first >= 0])
 
 

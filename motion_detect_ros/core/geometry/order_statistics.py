@@ -5,29 +5,25 @@ from __future__ import annotations
 import numpy as np
 
 from motion_detect_ros.core.kernels import kernel
+from motion_detect_ros.core.types import DoubleArray, FloatArray
 
 
 @kernel()
 def median(values):  # type: ignore[no-untyped-def]
-    """As ``numpy.median`` of ``values`` (n,), n > 0, in their type; NaN is not handled."""
-    ordered = values.copy()
-    middle = len(ordered) // 2
-    high = select(ordered, middle)
-    if len(ordered) % 2:
+    """As ``numpy.median`` of ``values`` (n,), n > 0, in their type; reorders them. NaN is not handled."""
+    middle = len(values) // 2
+    high = select(values, middle)
+    if len(values) % 2:
         return high
-    low = ordered[0]
+    low = values[0]
     for n in range(1, middle):
-        low = max(low, ordered[n])
+        low = max(low, values[n])
     return low + (high - low) / 2
 
 
-@kernel()
-def column_medians(values):  # type: ignore[no-untyped-def]
+def column_medians(values: FloatArray | DoubleArray) -> DoubleArray:
     """As ``numpy.median(values, axis=0)``, (m,) float64, of ``values`` (n, m), n > 0; NaN is not handled."""
-    found = np.empty(values.shape[1])
-    for column in range(values.shape[1]):
-        found[column] = median(values[:, column])
-    return found
+    return np.array([median(column) for column in np.array(values.T, order='C')], np.float64)
 
 
 @kernel()

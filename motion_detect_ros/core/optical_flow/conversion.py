@@ -16,7 +16,8 @@ def total_flow(shift: FloatArray, matrix: DoubleArray, scale: float, width: int,
     pixels; matrix: (3, 3) ego-motion, reference pixel -> current pixel; scale: working / full resolution.
     """
     back = inverse(matrix).astype(np.float32)
-    total: FloatArray = _total(np.ascontiguousarray(shift, np.float32), back, np.float32(scale), width, height)
+    total = np.full(shift.shape, np.nan, np.float32)
+    _fill_total(np.ascontiguousarray(shift, np.float32), back, np.float32(scale), width, height, total)
     return total
 
 
@@ -32,10 +33,9 @@ def residual_flow(flow: FloatArray, matrix: DoubleArray, width: int, height: int
 
 
 @kernel(error_model='numpy')
-def _total(shift, back, scale, width, height):  # type: ignore[no-untyped-def]
-    """``total_flow``; back: (3, 3) float32 current pixel -> reference pixel."""
+def _fill_total(shift, back, scale, width, height, flow):  # type: ignore[no-untyped-def]
+    """``flow``: NaN, then ``total_flow``; back: (3, 3) float32 current pixel -> reference pixel."""
     rows, columns = shift.shape[:2]
-    flow = np.full(shift.shape, np.nan, np.float32)
     across, down, half = np.float32(width / columns), np.float32(height / rows), np.float32(0.5)
     for r in range(rows):
         y = (np.float32(r) + half) * down - half
@@ -47,4 +47,3 @@ def _total(shift, back, scale, width, height):  # type: ignore[no-untyped-def]
             from_y = (back[1, 0] * px + back[1, 1] * py + back[1, 2]) / depth
             if 0.0 <= from_x <= width - 1 and 0.0 <= from_y <= height - 1:
                 flow[r, c, 0], flow[r, c, 1] = x - from_x, y - from_y
-    return flow

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from motion_detect_ros.core.geometry.order_statistics import median, percentile, select
+from motion_detect_ros.core.geometry.order_statistics import column_medians, median, percentile, select
 
 FEW = arrays(np.float32, st.integers(1, 40), elements=st.integers(-20, 20).map(float))
 
@@ -16,8 +16,15 @@ FEW = arrays(np.float32, st.integers(1, 40), elements=st.integers(-20, 20).map(f
 @settings(deadline=None)
 @given(values=FEW)
 def test_median(values: np.ndarray):
+    assert median(values.copy()) == pytest.approx(float(np.median(values)), abs=1e-6)
+
+
+@settings(deadline=None)
+@given(values=arrays(np.float32, st.tuples(st.integers(1, 20), st.integers(1, 3)),
+                     elements=st.integers(-20, 20).map(float)))
+def test_column_medians_leave_the_values_as_they_are(values: np.ndarray):
     before = values.copy()
-    assert median(values) == pytest.approx(float(np.median(values)), abs=1e-6)
+    np.testing.assert_allclose(column_medians(values), np.median(values, axis=0), atol=1e-6)
     np.testing.assert_array_equal(values, before)
 
 
