@@ -12,6 +12,7 @@ import numpy.typing as npt
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Header
 
+from motion_detect_ros.allocator import give_back
 from motion_detect_ros.bridge import transport
 from motion_detect_ros.bridge.calibration import Calibration
 from motion_detect_ros.bridge.console import ImageLog
@@ -108,6 +109,7 @@ class StageNode(ManagedNode):
         use_threads(self.config.load)
         with compilation_told(self._tell_compilation):
             warm_up(self.config, self.detects)
+        give_back()
         self._camera_in_use = None
         self.make_stage()
 

@@ -1,0 +1,38 @@
+"""What the settings of glibc's allocator keep, and what is given back all the same."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+MEGABYTES = 100
+PROGRAM = f"""
+from pathlib import Path
+
+from motion_detect_ros.allocator import give_back, tune_malloc
+
+
+def resident_mb():
+    return int(Path('/proc/self/statm').read_text().split()[1]) * 4096 / 1e6
+
+
+tune_malloc()
+before = resident_mb()
+blocks = [bytes(10_000) for _ in range({MEGABYTES} * 100)]
+del blocks[:-1]  # the last one keeps the heap from shrinking
+print(resident_mb() - before)
+give_back()
+print(resident_mb() - before)
+"""
+
+
+@pytest.mark.skipif(not Path('/proc/self/statm').exists(), reason='needs /proc')
+def test_what_was_freed_stays_until_it_is_given_back() -> None:
+    done = subprocess.run([sys.executable, '-c', textwrap.dedent(PROGRAM)], capture_output=True, text=True, check=True)
+    kept, left = map(float, done.stdout.split())
+    assert kept > 0.9 * MEGABYTES
+    assert left < 0.2 * MEGABYTES
