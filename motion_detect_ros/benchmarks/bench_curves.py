@@ -24,9 +24,10 @@ NEURONS = (5, 10, 15, 25, 50, 75, 100)
 CELL_PX = (2, 3, 4, 6, 8, 12, 16)
 #: Frames of one point of a curve, and how many of them at the start are not timed.
 POINT_FRAMES, POINT_WARM = 10, 5
-#: Cars drive over a field in rows of so many; the rows' speeds differ, so that none of them outnumbers the ground.
+#: Cars, of 43 pixels, drive over a field in rows of so many; the rows' speeds differ, so that none of them outnumbers
+#: the ground.
 FIELD_PX, FIELD_M, FIELD_COLUMNS = (1600, 900), (100.0, 56.0), 20
-SIDE_M, ROW_SPEEDS_M_S = 1.6, (6.0, -7.0, 8.0, -9.0)
+SIDE_M, ROW_SPEEDS_M_S = 2.7, (6.0, -7.0, 8.0, -9.0)
 #: Residual motions for ART2 alone: cells, and the circle of speeds they lie on, noise units.
 VECTORS, FASTEST = 30000, 60.0
 

@@ -51,9 +51,9 @@ events a second here (AMD EPYC, virtual machine), published 2737 for a Raspberry
 division and neither reads memory nor uses vector instructions, which is most of what a detector does, so it flatters
 small cores. Of further cores a second one helps most: two threads take 0.6 to 1.0 of the time of one
 (section Real clips). No other computer has been measured.''',
-    'curves': '''What a frame costs as its content grows. `x^b`: least squares of log time on log x. Objects: small
-cars on 1600x900. Neurons: ART2 alone on 30000 vectors. Cells: `grid_px` 16 to 2 on the built-in flight. Processor: all
-threads together, which other load hardly changes.''',
+    'curves': '''What a frame costs as its content grows. `x^b`: least squares of log time on log x. Objects: cars of
+43 pixels on 1600x900, found: those of the first ten frames. Neurons: ART2 alone on 30000 vectors. Cells: `grid_px` 16
+to 2 on the built-in flight. Processor: all threads together, which other load hardly changes.''',
     'codec': '''A 1280x720 bgr8 image to a message and back. Reading is a view of the bytes; other encodings are
 converted, which takes longer.''',
     'transport': '''From the stamp of a 960x540 picture, taken just before it is published, to its detections in the
@@ -97,18 +97,28 @@ frame 51 and 51 ms, three runs in turn; four nodes at 20 Hz 116 and 108 ms) | 75
 | window of the ego-motion's tracker 16 instead of 15 px, but for the preset `visdrone`: OpenCV handles 8 pixels of a \
 row at once, the rest one by one (KITTI, one thread, ego-motion; 305 would gain 1 to 3 of 11 to 14 ms) | 25 to 28 ms | \
 17 ms |
+| kernels fill arrays that their callers make, and have no wrapper for C (start of `pipeline` to its first message \
+where they are compiled first, and memory then; two runs in turn, quiet machine) | 8.9 to 9.5 s, 406 MB | 6.3 to \
+6.6 s, 367 MB |
+| what the start has freed is given back once (memory at that message) | 367 MB | 347 MB |
+| both (memory after 400 pictures, compiled first; preset `visdrone`) | 428 MB; 480 MB | 381 MB; 417 MB |
 
 | does not pay | |
 |---|---|
 | second half of a frame in a second thread, beside the first half of the next (305 live at 20 Hz) | 60 to 66 instead \
 of 68 ms between answers, but these 195 to 219 instead of 91 to 96 ms old; processor time of a frame 69 to 87 ms |
-| kernels compiled with less optimisation (`NUMBA_OPT=0`) | 8.9 instead of 12.5 s, and slower for good: over two \
-thirds are numba's own work in Python, 3.3 s of it for arrays made inside of kernels |
+| kernels compiled with less optimisation (`NUMBA_OPT=0`; before arrays were made outside of them) | 8.9 instead of \
+12.5 s, and slower for good: over two thirds are numba's own work in Python |
 | boxes of the points' clusters fitted in two threads (305, 28 clusters) | 23 instead of 22 ms: most of it holds \
 Python's lock |
-| `replay`: reading, both halves of the work and writing in threads of their own (305, frames and results the same) | \
-8.1 to 9.1 instead of 8.7 to 10.4 s, 1.02 to 1.16 times as fast, not the 1.6 hoped for: OpenCV's threads fill both \
-cores already, and with one of them Python's lock is in the way; several inputs at once do better |
+| `replay`: reading, both halves of the work and writing in threads of their own (305, forwards and backwards, 544 \
+frames, results the same; it stays) | 24.0 to 25.0 instead of 29.3 to 29.7 s, 1.2 times as fast, not the 1.6 hoped \
+for: OpenCV's threads fill both cores already, and with one of them Python's lock is in the way; several inputs at \
+once do better |
+| `replay`: the second half in a process of its own (the same) | 23.4 to 23.8 instead of 24.0 to 25.0 s: it is 41 of \
+68 ms, and frames have to be sent; from the ninth frame on results differ in the sixth digit |
+| neighbours of moving points by a distance transform instead of a k-d tree; errors of pictures by OpenCV's warps \
+instead of a kernel (305, M1303, one thread) | -1 to +1 of 54 and 63 ms; 0 to +1 ms |
 | one set of points for ego-motion and small objects | 4 to 5 of 60 ms of one thread, but see \
 [accuracy.md](accuracy.md#what-was-tried) |
 | smaller windows, fewer corners, longer intervals than these | 2 to 7 ms of 46, for 0.004 to 0.013 of mean F1 |
