@@ -114,7 +114,7 @@ class StageNode(ManagedNode):
         self.make_stage()
 
     def _tell_compilation(self, count: int) -> None:
-        self.get_logger().info(f'compiling kernel {count}; this takes a minute or two, once after an installation',
+        self.get_logger().info(f'compiling kernel {count}; this takes up to a minute, once after an installation',
                                throttle_duration_sec=WARNING_PERIOD_S)
 
     def begin(self) -> None:

@@ -1,4 +1,4 @@
-"""Telling that kernels are being compiled, which takes up to minutes once after an installation."""
+"""Telling that kernels are being compiled, which takes up to a minute, once after an installation."""
 
 from __future__ import annotations
 

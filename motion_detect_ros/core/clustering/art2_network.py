@@ -216,7 +216,7 @@ def _most_novel(vectors, background_match, match, below):  # type: ignore[no-unt
 
     Of equally novel vectors the one with the smaller components, whatever the raster.
     """
-    novel, lowest = np.int64(-1), np.float32(2.0)  # a plain -1 has kernels compiled for it
+    novel, lowest = np.int64(-1), np.float32(2.0)  # for -1 as such _precedes would be compiled again
     for i in range(vectors.shape[0]):
         if not background_match[i] < below or match[i] > lowest:  # NaN is not presented
             continue
