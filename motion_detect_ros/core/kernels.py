@@ -1,6 +1,6 @@
 """How the loops over pixels are compiled: cached on disk where that is possible, and running where it is not.
 
-Kernels fill arrays that their callers make, scratch arrays too: to make them inside doubles what compiling takes.
+Kernels fill arrays that their callers make, scratch arrays too: to make them inside adds half to what compiling takes.
 """
 
 from __future__ import annotations

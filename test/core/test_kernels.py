@@ -1,4 +1,4 @@
-"""Kernels make no arrays: what numba needs for that is half of what compiling takes at the first start."""
+"""Kernels make no arrays: what numba needs for that is a third of what compiling takes at the first start."""
 
 from __future__ import annotations
 
