@@ -14,17 +14,18 @@ _MALLOPT = {-3: 268435456, -1: 536870912, -2: 67108864}
 
 def tune_malloc() -> None:
     """The settings for this process; does nothing where there is no glibc."""
-    if sys.platform != 'linux':
-        return
-    with contextlib.suppress(OSError, AttributeError):
-        mallopt = ctypes.CDLL(None).mallopt
-        for option, value in _MALLOPT.items():
-            mallopt(option, value)
+    for option, value in _MALLOPT.items():
+        _call('mallopt', option, value)
 
 
 def give_back() -> None:
     """What the start of a process has freed, once: the settings above have it kept. Nothing where there is no glibc."""
+    _call('malloc_trim', 0)
+
+
+def _call(function: str, *values: int) -> None:
+    """A function of glibc, where there is one."""
     if sys.platform != 'linux':
         return
     with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).malloc_trim(0)
+        getattr(ctypes.CDLL(None), function)(*values)
