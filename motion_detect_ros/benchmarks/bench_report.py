@@ -45,11 +45,12 @@ thread (`load.threads: 1`, OpenCV too), median of each stage, ms, and the OpenCV
 
 Best is to run `python -m motion_detect_ros bench --no-nodes --parts one_thread` there. Without the computer at hand,
 multiply by the ratio of its single-core speed to that of this machine, and expect to be wrong by a third: published
-comparisons use other programs. One that can be repeated anywhere is `sysbench cpu --threads=1 --time=60 run`: 4050
-events a second here (AMD EPYC, virtual machine), published 2737 for a Raspberry Pi 5 and 1478 for a Pi 4
-(https://leoncode.co.uk/articles/raspberry-pi-benchmarks), so ratios of 1.5 and 2.7. It counts prime numbers by
+comparisons use other programs. One that can be repeated anywhere is `sysbench cpu --threads=1 --time=60 run`: 3064
+events a second here (Intel Xeon, virtual machine), published 2737 for a Raspberry Pi 5 and 1478 for a Pi 4
+(https://leoncode.co.uk/articles/raspberry-pi-benchmarks), so ratios of 1.1 and 2.1; an AMD EPYC with 4050 took
+about as long as this. It counts prime numbers by
 division and neither reads memory nor uses vector instructions, which is most of what a detector does, so it flatters
-small cores. Of further cores a second one helps most: two threads take 0.6 to 1.0 of the time of one
+small cores. Of further cores a second one helps most: two threads take 0.9 of the time of one
 (section Real clips). No other computer has been measured.''',
     'curves': '''What a frame costs as its content grows. `x^b`: least squares of log time on log x. Objects: cars of
 43 pixels on 1600x900, found: those of the first ten frames. Neurons: ART2 alone on 30000 vectors. Cells: `grid_px` 16
