@@ -12,8 +12,10 @@ from scipy.spatial import Delaunay, cKDTree
 
 from motion_detect_ros.core.geometry.order_statistics import column_medians
 from motion_detect_ros.core.geometry.vectors import magnitude
+from motion_detect_ros.core.trajectories.alike import moved_alike
 from motion_detect_ros.core.trajectories.changes import changed_pixels
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
+from motion_detect_ros.core.trajectories.plain_bodies import joined_parts
 from motion_detect_ros.core.trajectories.points import Points
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
@@ -23,9 +25,6 @@ from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 LINK_PX, LINK_COVERED, LONG_LINK_PX, LONG_LINK_COVERED = 20.0, 0.6, 60.0, 0.8
 #: Links up to this length, pixels, are within what one point's window sees.
 NEAR_PX = 6.0
-#: Displacements of two points of one object differ by no more than this, pixels and share of the smaller one: error of
-#: the tracker, turns and perspective.
-ALIKE_PX, ALIKE_SHARE = 1.0, 0.04
 #: What an object covers differs from what was there so long ago, seconds.
 COVERED_S = (0.5, 1.0)
 #: Points beyond every image, pixels, so that a triangulation always exists.
@@ -67,16 +66,18 @@ def find_clusters(points: Points, motion: PointMotion, old: BoolArray, frames: R
         moving = np.sort(moving[np.argsort(-motion.sigmas[moving], kind='stable')[:MAX_MOVING]])
     if len(moving) < MIN_POINTS:
         return []
-    places = points.now[moving]
-    links = _links(places, points.now[old & ~motion.moving])
-    links = links[_alike([each[moving] for each in motion.displacements], links)]
+    places, still = points.now[moving], points.now[old & ~motion.moving]
+    links = _links(places, still)
+    links = links[moved_alike([each[moving] for each in motion.displacements], links)]
     links = links[_covered(places, links, frames)]
     graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(len(moving), len(moving)))
     count, labels = connected_components(graph, directed=False)
     order = np.argsort(labels, kind='stable')
     groups = np.split(moving[order], np.cumsum(np.bincount(labels, minlength=count))[:-1])
-    found = [_cluster(group, points, motion) for group in groups if len(group) >= MIN_POINTS]
-    return [each for each in found if each.side_px <= MAX_SIDE_SHARE * frames[0].gray.shape[1]]
+    largest_px = MAX_SIDE_SHARE * frames[0].gray.shape[1]
+    bodies = joined_parts(groups, points.now, still, motion.displacements, frames[0].half, largest_px)
+    found = [_cluster(body, points, motion) for body in bodies if len(body) >= MIN_POINTS]
+    return [each for each in found if each.side_px <= largest_px]
 
 
 def _links(moving: FloatArray, still: FloatArray) -> npt.NDArray[np.intp]:
@@ -91,19 +92,6 @@ def _links(moving: FloatArray, still: FloatArray) -> npt.NDArray[np.intp]:
 
 def _lengths(places: FloatArray, links: npt.NDArray[np.intp]) -> FloatArray:
     return magnitude(places[links[:, 0]] - places[links[:, 1]])
-
-
-def _alike(displacements: list[DoubleArray], links: npt.NDArray[np.intp]) -> BoolArray:
-    """(n,) whether both points moved alike over the longest baseline that both have (Brox and Malik 2010)."""
-    alike, known = np.zeros(len(links), np.bool_), np.zeros(len(links), np.bool_)
-    for way in displacements:
-        one, other = way[links[:, 0]], way[links[:, 1]]
-        length = np.minimum(magnitude(one), magnitude(other))
-        with np.errstate(invalid='ignore'):
-            near = magnitude(one - other) < ALIKE_PX + ALIKE_SHARE * length
-        alike |= ~known & near
-        known |= np.isfinite(length)
-    return alike
 
 
 def _covered(places: FloatArray, links: npt.NDArray[np.intp], frames: RecentFrames) -> BoolArray:

@@ -33,13 +33,13 @@ def frames_of(pictures: list[np.ndarray]) -> RecentFrames:
 class Car:
     """A plain roof, points on its two ends only: that is all a tracker finds there. Edges at the newest frame."""
 
-    def __init__(self, left: int, top: int, length: int, width: int, speed: float) -> None:
+    def __init__(self, left: int, top: int, length: int, width: int, speed: float, gray: int = ROOF) -> None:
         """speed: pixels a frame, to the right."""
-        self.left, self.top, self.length, self.width, self.speed = left, top, length, width, speed
+        self.left, self.top, self.length, self.width, self.speed, self.gray = left, top, length, width, speed, gray
 
     def draw(self, gray: np.ndarray, ago: int) -> None:
         left = round(self.left - self.speed * ago)
-        gray[self.top:self.top + self.width, max(0, left):max(0, left + self.length)] = ROOF
+        gray[self.top:self.top + self.width, max(0, left):max(0, left + self.length)] = self.gray
 
     def points(self) -> np.ndarray:
         rows = self.top + np.arange(2, self.width, 4)
@@ -47,8 +47,18 @@ class Car:
         return np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2).astype(np.float32)
 
 
+class Paint(Car):
+    """Plain and without points, on the ground."""
+
+    def __init__(self, left: int, top: int, length: int, width: int, gray: int = ROOF) -> None:
+        super().__init__(left, top, length, width, 0.0, gray)
+
+    def points(self) -> np.ndarray:
+        return np.zeros((0, 2), np.float32)
+
+
 def clusters_of(cars: list[Car], still: np.ndarray | None = None) -> list[tuple[int, int]]:
-    """Left and right end of each cluster, pixels."""
+    """Left and right end of each cluster, pixels. cars: drawn in their order."""
     pictures = []
     for ago in range(20, -1, -1):
         gray = np.full((HEIGHT, WIDTH), ROAD, np.uint8)
@@ -86,6 +96,31 @@ class TestClusters:
         """The two ends of one roof were joined above; with a row of still points across it they are not."""
         across = np.stack([np.full(30, 125.0), np.linspace(90, 134, 30)], 1).astype(np.float32)
         assert clusters_of([Car(100, 100, 50, 24, 4.0)], across) == [(102, 106), (144, 148)]
+
+    def test_ends_of_a_long_roof_that_goes_less_than_its_length_in_a_second_are_one(self) -> None:
+        """Between its ends the picture looks as it did half a second and a second ago."""
+        assert clusters_of([Car(100, 100, 70, 24, 1.0)]) == [(102, 168)]
+
+    def test_ends_that_go_at_two_speeds_are_two_whatever_is_between(self) -> None:
+        """Two bars 60 pixels apart, and a plain patch of paint that reaches from one to the other."""
+        ends = [Car(100, 100, 10, 24, 1.0), Car(160, 100, 10, 24, 3.0)]
+        assert len(clusters_of([*ends, Paint(110, 102, 50, 20)])) == 2
+
+    def test_plain_road_between_two_that_follow_each_other_does_not_join_them(self) -> None:
+        """It goes on beside them."""
+        assert len(clusters_of([Car(100, 100, 20, 24, 1.0), Car(145, 100, 20, 24, 1.0)])) == 2
+
+    def test_nor_does_a_small_plain_place_that_reaches_beyond_them(self) -> None:
+        place = Paint(98, 82, 68, 60, 140)
+        assert len(clusters_of([place, Car(100, 100, 14, 24, 1.0), Car(150, 100, 14, 24, 1.0)])) == 2
+
+    def test_a_patch_between_them_that_still_points_touch_is_a_part_of_the_scene(self) -> None:
+        """Paint that two at one speed have just touched, with its own corners and what stands on it."""
+        ends = [Car(100, 100, 10, 24, 1.0), Car(160, 100, 10, 24, 1.0)]
+        across = np.stack([np.linspace(112, 158, 40), np.tile([102.0, 121.0], 20)], 1).astype(np.float32)
+        painted = [*ends, Paint(110, 102, 50, 20)]
+        assert len(clusters_of(painted)) == 1
+        assert len(clusters_of(painted, across)) == 2
 
     def test_nothing_moves(self) -> None:
         still = Car(100, 100, 50, 24, 0.0)
