@@ -7,7 +7,6 @@ ground between two vehicles goes on beside them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations
 
 import cv2
 import numpy as np
@@ -16,8 +15,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from motion_detect_ros.core.geometry.order_statistics import column_medians
-from motion_detect_ros.core.trajectories.alike import moved_alike
-from motion_detect_ros.core.types import ByteArray, DoubleArray, FloatArray
+from motion_detect_ros.core.trajectories.alike import moved_as_one_body
+from motion_detect_ros.core.trajectories.object_motion import BASELINES_S
+from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
 
 #: Plain: the grey values of 3 x 3 pixels of the halved image differ by less than this.
 PLAIN_GRAY, WINDOW = 16, np.ones((3, 3), np.uint8)
@@ -54,9 +54,11 @@ class PlainRegions:
         both = np.unique(point * len(self._small) + labels[point, place])
         return both // len(self._small), both % len(self._small)
 
-    def within(self, region: int, low: FloatArray, high: FloatArray) -> bool:
-        """Whether it reaches at most ``BEYOND_PX`` beyond bounds (2,) each, pixels of the image."""
-        return bool((self._low[region] >= low - BEYOND_PX).all() and (self._high[region] <= high + BEYOND_PX).all())
+    def within(self, region: Numbers, low: FloatArray, high: FloatArray) -> BoolArray:
+        """(n,) whether regions (n,) reach at most ``BEYOND_PX`` beyond bounds (n, 2) each, pixels of the image."""
+        inside: BoolArray = ((self._low[region] >= low - BEYOND_PX) & (self._high[region] <= high + BEYOND_PX)
+                             ).all(axis=1)
+        return inside
 
     def touching(self, region: int, places: FloatArray) -> int:
         """How many of the points (N, 2) touch it."""
@@ -68,51 +70,46 @@ def joined_parts(
     parts: Sequence[Numbers], places: FloatArray, still: FloatArray, displacements: Sequence[DoubleArray],
     half: ByteArray, largest_px: float,
 ) -> list[Numbers]:
-    """The parts, joined where two that moved alike touch a plain region that does not reach beyond them.
+    """The parts, joined where two that moved as one body touch a plain region that does not reach beyond them.
 
     parts: indices of points each; places: (N, 2) of all points, still: (m, 2) of those that stand, pixels;
     displacements: (N, 2) each, over baselines, longest first, NaN where unknown; half: (h, w) the image at half its
     size; largest_px: longest side of what is joined, pixels.
     """
     parts = [part for part in parts if len(part) >= MIN_PART]
-    pairs = _neighbours(parts, places, still, PlainRegions(half, largest_px), largest_px) if len(parts) > 1 else []
-    if not pairs:
+    if len(parts) < 2:
         return parts
-    numbers = np.array(pairs, np.intp)
-    typical = [_typical(each, parts, np.unique(numbers)) for each in displacements]
-    links = numbers[moved_alike(typical, numbers)]
+    owner = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    moving, regions = places[np.concatenate(parts)], PlainRegions(half, largest_px)
+    links = _neighbours(regions, owner, moving, largest_px)
+    used = np.unique(links[:, 1:])
+    centres = np.array([places[part].mean(axis=0) for part in parts], np.float64)
+    typical = [_typical(each, parts, used) for each in displacements]
+    links = links[moved_as_one_body(typical, BASELINES_S, centres, links[:, 1:])]
+    painted = [number for number in np.unique(links[:, 0]).tolist()
+               if regions.touching(number, still) > STILL_SHARE * regions.touching(number, moving)]
+    links = links[~np.isin(links[:, 0], painted), 1:]
     graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(len(parts), len(parts)))
     count, labels = connected_components(graph, directed=False)
     return [np.concatenate([parts[index] for index in np.flatnonzero(labels == label)]) for label in range(count)]
 
 
-def _neighbours(
-    parts: Sequence[Numbers], places: FloatArray, still: FloatArray, regions: PlainRegions, largest_px: float,
-) -> list[tuple[int, int]]:
-    """Pairs of parts with a plain region between them."""
-    bounds = [(places[part].min(axis=0), places[part].max(axis=0)) for part in parts]
-    owner = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-    point, region = regions.touched(places[np.concatenate(parts)])
-    both, counts = np.unique(region * len(parts) + owner[point], return_counts=True)
-    touched, toucher = both // len(parts), both % len(parts)
-    found: list[tuple[int, int]] = []
-    for shared in np.unique(touched[1:][touched[1:] == touched[:-1]]).tolist():
-        there = touched == shared
-        pairs = [pair for pair in combinations(toucher[there].tolist(), 2)
-                 if _within(regions, shared, bounds, pair, largest_px)]
-        if pairs and regions.touching(shared, still) <= STILL_SHARE * counts[there].sum():
-            found += pairs
-    return found
-
-
-def _within(
-    regions: PlainRegions, region: int, bounds: Sequence[tuple[FloatArray, FloatArray]], pair: tuple[int, int],
-    largest_px: float,
-) -> bool:
-    """Whether a region lies within a pair of parts of no more than that size together."""
-    (low, high), (other_low, other_high) = (bounds[number] for number in pair)
-    low, high = np.minimum(low, other_low), np.maximum(high, other_high)
-    return bool((high - low).max() <= largest_px) and regions.within(region, low, high)
+def _neighbours(regions: PlainRegions, owner: Numbers, places: FloatArray, largest_px: float) -> Numbers:
+    """(n, 3) regions and two parts that have each between them. owner: (N,) parts of the points at places (N, 2)."""
+    count = owner[-1] + 1
+    starts = np.searchsorted(owner, np.arange(count))
+    low, high = np.minimum.reduceat(places, starts), np.maximum.reduceat(places, starts)
+    point, region = regions.touched(places)
+    both = np.unique(region * count + owner[point])
+    touched, toucher = both // count, both % count
+    found, apart = [np.empty((0, 3), np.intp)], 1
+    while (same := np.flatnonzero(touched[apart:] == touched[:-apart])).size:
+        shared, one, other = touched[same], toucher[same], toucher[same + apart]
+        hull_low, hull_high = np.minimum(low[one], low[other]), np.maximum(high[one], high[other])
+        fits = ((hull_high - hull_low).max(axis=1) <= largest_px) & regions.within(shared, hull_low, hull_high)
+        found.append(np.stack([shared, one, other], axis=1)[fits])
+        apart += 1
+    return np.concatenate(found)
 
 
 def _typical(displacement: DoubleArray, parts: Sequence[Numbers], used: Numbers) -> DoubleArray:
