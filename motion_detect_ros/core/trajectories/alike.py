@@ -52,8 +52,9 @@ def moved_as_one_body(
         distance = magnitude(line)
         turned_px = _turn((one + other) / 2.0 - later, later) * distance
         with np.errstate(invalid='ignore'):
-            near = ((np.abs((apart * line).sum(axis=1)) < limit * distance)
-                    & (np.abs(_cross(apart, line)) < (limit + turned_px) * distance))
+            turned = ((np.abs((apart * line).sum(axis=1)) < limit * distance)
+                      & (np.abs(_cross(apart, line)) < (limit + turned_px) * distance))
+            near = turned | (magnitude(apart) < limit)
         alike |= ~known & near
         known |= np.isfinite(limit)
     return alike

@@ -69,3 +69,10 @@ def test_the_longest_baseline_that_both_have_decides() -> None:
     ways[0][1] = np.nan
     assert moved_as_one_body(ways, SECONDS, places, ONE_PAIR)[0]
     assert not moved_as_one_body([np.full((2, 2), np.nan)] * len(SECONDS), SECONDS, places, ONE_PAIR)[0]
+
+
+def test_parts_around_the_same_place() -> None:
+    """One within the other: there is no line between them."""
+    places = np.zeros((2, 2))
+    assert moved_as_one_body(straight([(40.0, 0.0), (40.0, 0.0)]), SECONDS, places, ONE_PAIR)[0]
+    assert not moved_as_one_body(straight([(40.0, 0.0), (60.0, 0.0)]), SECONDS, places, ONE_PAIR)[0]
