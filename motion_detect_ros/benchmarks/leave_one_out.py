@@ -71,7 +71,7 @@ THRESHOLDS = (
     Threshold('gain of sizes', ('tracking.track:SIZE_GAIN',)),
     Threshold('acceleration of tracks', ('tracking.track:ACCELERATION_SHARE',)),
     Threshold('significance of moving points', ('trajectories.object_motion:MOVING_SIGMAS',)),
-    Threshold('difference of linked points', ('trajectories.clusters:ALIKE_PX',)),
+    Threshold('difference of linked points', ('trajectories.alike:ALIKE_PX',)),
 )
 #: Thresholds to change and the steps; an empty choice is the detector as it stands.
 Choice = tuple[tuple[Threshold, int], ...]
