@@ -83,7 +83,7 @@ def joined_parts(
     moving, regions = places[np.concatenate(parts)], PlainRegions(half, largest_px)
     links = _neighbours(regions, owner, moving, largest_px)
     used = np.unique(links[:, 1:])
-    centres = np.array([places[part].mean(axis=0) for part in parts], np.float64)
+    centres = np.stack([np.bincount(owner, weights=along) for along in moving.T], axis=1) / np.bincount(owner)[:, None]
     typical = [_typical(each, parts, used) for each in displacements]
     links = links[moved_as_one_body(typical, BASELINES_S, centres, links[:, 1:])]
     painted = [number for number in np.unique(links[:, 0]).tolist()
