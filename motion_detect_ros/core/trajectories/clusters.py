@@ -6,14 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, cKDTree
 
 from motion_detect_ros.core.geometry.order_statistics import column_medians
 from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.trajectories.alike import moved_alike
 from motion_detect_ros.core.trajectories.changes import changed_pixels
+from motion_detect_ros.core.trajectories.linked_groups import linked_groups
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
 from motion_detect_ros.core.trajectories.plain_bodies import joined_parts
 from motion_detect_ros.core.trajectories.points import Points
@@ -70,10 +69,7 @@ def find_clusters(points: Points, motion: PointMotion, old: BoolArray, frames: R
     links = _links(places, still)
     links = links[moved_alike([each[moving] for each in motion.displacements], links)]
     links = links[_covered(places, links, frames)]
-    graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(len(moving), len(moving)))
-    count, labels = connected_components(graph, directed=False)
-    order = np.argsort(labels, kind='stable')
-    groups = np.split(moving[order], np.cumsum(np.bincount(labels, minlength=count))[:-1])
+    groups = [moving[group] for group in linked_groups(len(moving), links)]
     largest_px = MAX_SIDE_SHARE * frames[0].gray.shape[1]
     bodies = joined_parts(groups, points.now, still, motion.displacements, frames[0].half, largest_px)
     found = [_cluster(body, points, motion) for body in bodies if len(body) >= MIN_POINTS]

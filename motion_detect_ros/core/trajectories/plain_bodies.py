@@ -11,11 +11,10 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from motion_detect_ros.core.geometry.order_statistics import column_medians
 from motion_detect_ros.core.trajectories.alike import moved_as_one_body
+from motion_detect_ros.core.trajectories.linked_groups import linked_groups
 from motion_detect_ros.core.trajectories.object_motion import BASELINES_S
 from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
 
@@ -89,9 +88,7 @@ def joined_parts(
     painted = [number for number in np.unique(links[:, 0]).tolist()
                if regions.touching(number, still) > STILL_SHARE * regions.touching(number, moving)]
     links = links[~np.isin(links[:, 0], painted), 1:]
-    graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(len(parts), len(parts)))
-    count, labels = connected_components(graph, directed=False)
-    return [np.concatenate([parts[index] for index in np.flatnonzero(labels == label)]) for label in range(count)]
+    return [np.concatenate([parts[number] for number in group]) for group in linked_groups(len(parts), links)]
 
 
 def _neighbours(regions: PlainRegions, owner: Numbers, places: FloatArray, largest_px: float) -> Numbers:

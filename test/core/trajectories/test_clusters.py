@@ -10,6 +10,7 @@ import pytest
 
 from motion_detect_ros.core.trajectories.changes import changed_pixels, relit
 from motion_detect_ros.core.trajectories.clusters import find_clusters
+from motion_detect_ros.core.trajectories.linked_groups import linked_groups
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
 from motion_detect_ros.core.trajectories.points import Points
 from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrames
@@ -160,3 +161,12 @@ class TestChanges:
     def test_any_size(self, shape: tuple[int, int]) -> None:
         gray = np.full(shape, 100, np.uint8)
         assert (relit(gray, gray) == 100).all()
+
+
+class TestLinkedGroups:
+    def test_what_is_linked_over_others_too_is_one_group(self) -> None:
+        groups = linked_groups(6, np.array([[4, 0], [4, 2], [5, 1]]))
+        assert [group.tolist() for group in groups] == [[0, 2, 4], [1, 5], [3]]
+
+    def test_without_links_everything_is_alone(self) -> None:
+        assert [group.tolist() for group in linked_groups(2, np.zeros((0, 2), np.intp))] == [[0], [1]]
