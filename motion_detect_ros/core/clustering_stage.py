@@ -132,7 +132,10 @@ class ClusteringStage:
             residual[~scene_cells(frame.mask, reference.matrix, frame.scale, *residual.shape[:2])] = np.nan
         background = self._scene.fit(flow.flow, residual, self._camera_of(flow.width, flow.height), dt_s)
         found = self._detector.candidates(flow, residual, background, frame, reference, dt_s)
-        return found if self._trajectories is None else self._trajectories.without_standing(found, frame.scale)
+        if self._trajectories is None:
+            return found
+        moving = self._trajectories.without_standing(found, frame.scale)
+        return self._trajectories.without_shadows(moving, frame.scale)
 
     def _from_points(self, frame: PreparedFrame, ego: EgoMotion) -> list[Candidate]:
         if self._trajectories is None:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.order_statistics import column_medians
 from motion_detect_ros.core.periods import Every
 from motion_detect_ros.core.trajectories.clusters import MIN_POINTS, Cluster, find_clusters
@@ -19,6 +20,7 @@ from motion_detect_ros.core.trajectories.point_boxes import BoxFitter, NearestPo
 from motion_detect_ros.core.trajectories.point_scoring import POINT_SCORE, ClusterFigures, PointScore
 from motion_detect_ros.core.trajectories.points import Points, PointTracker
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
+from motion_detect_ros.core.trajectories.soft_shadows import SoftShadows
 from motion_detect_ros.core.trajectories.spare_points import spare_points
 from motion_detect_ros.core.trajectories.standing import StandingPoints
 from motion_detect_ros.core.types import BoolArray, CameraModel, DoubleArray, EgoMotion, FloatArray, PreparedFrame
@@ -131,6 +133,14 @@ class TrajectoryFinder:
         denied = self._standing.denied(candidates, self._points, scale)
         return [each for each, still in zip(candidates, denied, strict=True) if not still]
 
+    def without_shadows(self, candidates: Sequence[Candidate], scale: float) -> list[Candidate]:
+        """Candidates of flow in the frame of the last ``candidates``, their boxes without soft shadows.
+
+        scale: working pixels per full-resolution pixel.
+        """
+        shadows, (height, width) = SoftShadows(self._frames), self._frames[0].gray.shape
+        return [_without_shadow(each, shadows, scale, width, height) for each in candidates]
+
     def _find(self, frame: PreparedFrame, camera: CameraModel) -> list[FoundObject]:
         points = self._points
         old: BoolArray = points.age >= self._frames.nearest(STILL_S)
@@ -146,17 +156,33 @@ class TrajectoryFinder:
         for number, cluster in enumerate(clusters):
             owner[cluster.members] = number
         fitter = BoxFitter(points, self._frames, frame.mask, NearestPoints(points.now[old], owner[old]), self._config)
-        bounds = _figures(clusters, [PointBox.around(cluster) for cluster in clusters], known, moving)
+        bounds = _figures(clusters, [PointBox.around(cluster.low, cluster.high) for cluster in clusters], known, moving)
         fitted = [(cluster, fitter.fit(cluster, number)) for number, cluster in enumerate(clusters)
                   if self._score.log_odds(bounds[number]) >= self._score.least - UNFITTED_LOG_ODDS]
         found = [(cluster, box) for cluster, box in fitted
-                 if box is not None and min(box.high - box.low) >= self._config.min_side_px]
+                 if box is not None and min(box.whole.high - box.whole.low) >= self._config.min_side_px]
         if not found:
             return []
         there, boxes = zip(*found, strict=True)
-        objects = (FoundObject(cluster, box, figures, self._score.log_odds(figures))
-                   for (cluster, box), figures in zip(found, _figures(there, boxes, known, moving), strict=True))
+        figures = _figures(there, [box.whole for box in boxes], known, moving)
+        objects = (FoundObject(cluster, box.solid, one, self._score.log_odds(one))
+                   for (cluster, box), one in zip(found, figures, strict=True))
         return [each for each in objects if each.log_odds >= self._score.least]
+
+
+def _without_shadow(candidate: Candidate, shadows: SoftShadows, scale: float, width: int, height: int) -> Candidate:
+    """width, height: of the working resolution."""
+    half = candidate.size / 2.0
+    low, high = scale * (candidate.centre - half), scale * (candidate.centre + half)
+    region = Box(*np.floor(low).astype(int).tolist(), *np.ceil(high).astype(int).tolist()).grown(0, width, height)
+    if region.width <= 0 or region.height <= 0:
+        return candidate
+    own = np.ones((region.height, region.width), np.bool_)
+    speed = scale * float(np.hypot(*candidate.velocity_px_s))
+    rows, columns = np.nonzero(~shadows.of(own, region, speed, scale * float(candidate.size.max())))
+    low = np.maximum(low, [region.left + columns.min(), region.top + rows.min()]) / scale
+    high = np.minimum(high, [region.left + columns.max() + 1, region.top + rows.max() + 1]) / scale
+    return replace(candidate, centre=(low + high) / 2.0, size=high - low)
 
 
 def _figures(

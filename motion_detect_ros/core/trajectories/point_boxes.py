@@ -17,6 +17,7 @@ from motion_detect_ros.core.geometry.warp import apply, grid_points
 from motion_detect_ros.core.trajectories.clusters import Cluster
 from motion_detect_ros.core.trajectories.points import Points
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
+from motion_detect_ros.core.trajectories.soft_shadows import SoftShadows
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 
 #: Own motion between the compared images, pixels: enough to tell object from background, little enough to look alike.
@@ -28,6 +29,8 @@ REACH_PX, REACH_SHARE = 9.0, 0.2
 POINT_REACH_PX = 1.5
 #: Fewer foreground pixels than this are noise.
 MIN_PIXELS = 6
+#: Fewest points beside a soft shadow.
+MIN_SOLID_POINTS = 3
 #: Share of a cluster's points, and fewest, that must be as old as the baseline for their displacement to be used.
 OLD_SHARE, MIN_OLD = 0.4, 3
 #: Sample points of the image noise.
@@ -45,10 +48,17 @@ class PointBox:
     pixels: int
 
     @classmethod
-    def around(cls, cluster: Cluster) -> PointBox:
-        """What the points of a cluster see, without a foreground."""
-        return cls((cluster.low + 0.5 - POINT_REACH_PX).astype(np.float64),
-                   (cluster.high + 0.5 + POINT_REACH_PX).astype(np.float64), 0)
+    def around(cls, low: FloatArray, high: FloatArray) -> PointBox:
+        """What points with these bounds, (2,) pixels, see, without a foreground."""
+        return cls((low + 0.5 - POINT_REACH_PX).astype(np.float64), (high + 0.5 + POINT_REACH_PX).astype(np.float64), 0)
+
+
+@dataclass(frozen=True)
+class FittedBox:
+    """``whole``: of all that moves with a cluster; ``solid``: without soft shadows."""
+
+    whole: PointBox
+    solid: PointBox
 
 
 class NearestPoints:
@@ -85,8 +95,9 @@ class BoxFitter:
         self._points, self._frames, self._mask = points, frames, mask
         self._nearest, self._config = nearest, config
         self._pairs: dict[int, tuple[ImagePair, float]] = {}
+        self._shadows = SoftShadows(frames)
 
-    def fit(self, cluster: Cluster, number: int) -> PointBox | None:
+    def fit(self, cluster: Cluster, number: int) -> FittedBox | None:
         """Box of a cluster, None where the images do not support it. number: its own in ``nearest``; -1 = still."""
         height, width = self._frames[0].gray.shape
         speed = float(np.hypot(*cluster.velocity))
@@ -98,13 +109,17 @@ class BoxFitter:
         test = photometric_test(pair, region, window, background, motion, noise_gray, self._config.photometric_sigma)
         foreground = test.foreground & self._own_pixels(cluster, number, region)
         strong = self._strong(foreground, test.gain, cluster, region)
-        rows, columns = np.nonzero(strong)
-        if len(rows) < MIN_PIXELS:
+        if np.count_nonzero(strong) < MIN_PIXELS:
             return None
-        bounds = PointBox.around(cluster)
-        low = np.minimum([region.left + columns.min(), region.top + rows.min()], bounds.low)
-        high = np.maximum([region.left + columns.max() + 1, region.top + rows.max() + 1], bounds.high)
-        return PointBox(low, high, len(rows))
+        places = self._points.now[cluster.members]
+        whole = _box(strong, places, region)
+        shadow = self._shadows.of(strong, region, speed, cluster.side_px)
+        columns, rows = np.rint(places).astype(np.intp).T
+        places = places[~shadow[rows - region.top, columns - region.left]]
+        solid = strong & ~shadow
+        if len(places) < MIN_SOLID_POINTS or np.count_nonzero(solid) < MIN_PIXELS:
+            return FittedBox(whole, whole)
+        return FittedBox(whole, _box(solid, places, region))
 
     def _pair(self, ago: int) -> tuple[ImagePair, float]:
         """Current frame and the one ``ago``, and their image noise."""
@@ -151,6 +166,15 @@ class BoxFitter:
         peak = percentile(gain[component], PEAK_PERCENTILE)
         strong: BoolArray = component & (gain > self._config.peak_share * peak)
         return strong
+
+
+def _box(pixels: BoolArray, places: FloatArray, region: Box) -> PointBox:
+    """Around the pixels (h, w) of a region, at least one, and what points at the places (n, 2) see."""
+    rows, columns = np.nonzero(pixels)
+    bounds = PointBox.around(places.min(axis=0), places.max(axis=0))
+    low = np.minimum([region.left + columns.min(), region.top + rows.min()], bounds.low)
+    high = np.maximum([region.left + columns.max() + 1, region.top + rows.max() + 1], bounds.high)
+    return PointBox(low, high, len(rows))
 
 
 def _region(cluster: Cluster, width: int, height: int) -> Box:
