@@ -30,8 +30,8 @@ COVERED_S = (0.5, 1.0)
 FAR_CORNERS = 1e5 * np.array([[-1.0, -1.1], [1.2, -1.0], [1.0, 1.3], [-1.4, 1.0]], np.float32)
 #: Fewest points of a cluster, and the most moving points used, the most significant ones.
 MIN_POINTS, MAX_MOVING = 5, 2500
-#: Largest side of a cluster, share of the image width (144 of 960 pixels): dense flow sees what is larger.
-MAX_SIDE_SHARE = 0.15
+#: Largest side of a cluster, share of the image width (384 of 960 pixels): what is larger is a part of the scene.
+MAX_SIDE_SHARE = 0.4
 #: Places along a link that are looked at, share of the way.
 ALONG = np.linspace(0.1, 0.9, 9, dtype=np.float32)[:, None, None]
 

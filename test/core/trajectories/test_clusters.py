@@ -58,6 +58,19 @@ class Paint(Car):
         return np.zeros((0, 2), np.float32)
 
 
+class Textured(Car):
+    """Points all over it. On the picture in all frames."""
+
+    def draw(self, gray: np.ndarray, ago: int) -> None:
+        left = round(self.left - self.speed * ago)
+        gray[self.top:self.top + self.width, left:left + self.length] = np.random.default_rng(1).integers(
+            150, 250, (self.width // 6, self.length // 6)).repeat(6, axis=0).repeat(6, axis=1)
+
+    def points(self) -> np.ndarray:
+        rows, columns = self.top + np.arange(2, self.width, 8), self.left + np.arange(2, self.length, 8)
+        return np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2).astype(np.float32)
+
+
 def clusters_of(cars: list[Car], still: np.ndarray | None = None) -> list[tuple[int, int]]:
     """Left and right end of each cluster, pixels. cars: drawn in their order."""
     pictures = []
@@ -84,6 +97,13 @@ def clusters_of(cars: list[Car], still: np.ndarray | None = None) -> list[tuple[
 class TestClusters:
     def test_front_and_rear_of_a_plain_roof_are_one(self) -> None:
         assert clusters_of([Car(100, 100, 50, 24, 4.0)]) == [(102, 148)]
+
+    def test_what_is_near_is_large(self) -> None:
+        """A third of the picture's width, as a vehicle that the camera follows closely."""
+        assert clusters_of([Textured(190, 60, 162, 90, 9.0)]) == [(192, 344)]
+
+    def test_half_of_the_picture_is_the_scene(self) -> None:
+        assert clusters_of([Textured(190, 60, 240, 90, 9.0)]) == []
 
     def test_neighbours_of_another_speed_are_two(self) -> None:
         """4 and 5 pixels a frame: 20 pixels in a second, side by side, 6 pixels apart."""
