@@ -31,7 +31,7 @@ NOISE_FLOOR_PX, BACKGROUND_SHARE, CAMERA_SHARE = 0.12, 0.03, 0.01
 WIDE_TAILS, LEAST_SIGMA_PX = MAD_TO_SIGMA, 1e-3
 #: A point moves from so many noise units and pixels on; and each part of its way must have this share of what steady
 #: motion makes of it.
-MOVING_SIGMAS, MOVING_PX, STEADY_SHARE = 5.0, 1.2, 0.3
+MOVING_SIGMAS, MOVING_PX, STEADY_SHARE = 4.0, 1.2, 0.3
 #: Its velocity is that of the shortest baseline with a displacement over this, pixels.
 VELOCITY_PX = 4.0
 #: A scene is in relief where residuals along the epipolar lines are so much longer than across, over the longest
