@@ -94,7 +94,8 @@ Measured when it was built or tried, on the clips named; accuracy that it costs 
 | check of flow by points, one box at a time (305, frame) | 1.4 ms | 0.4 ms |
 | OpenCV's threads told not to wait actively, which the package leaves to the user: \
 `OPENCV_THREAD_POOL_ACTIVE_WAIT_WORKER=0` and `..._MAIN=0` in the environment (305, two cores, processor time; the \
-frame 51 and 51 ms, three runs in turn; four nodes at 20 Hz 116 and 108 ms) | 75 ms | 62 ms |
+frame 51 and 51 ms, three runs in turn; four nodes at 20 Hz 116 and 108 ms); not so on another day's machine: 65 and \
+62 ms, the frame 49 and 53 ms, KITTI 52 and 49 ms, the frame 36 and 39 ms | 75 ms | 62 ms |
 | window of the ego-motion's tracker 16 instead of 15 px, but for the preset `visdrone`: OpenCV handles 8 pixels of a \
 row at once, the rest one by one (KITTI, one thread, ego-motion; 305 would gain 1 to 3 of 11 to 14 ms) | 25 to 28 ms | \
 17 ms |
