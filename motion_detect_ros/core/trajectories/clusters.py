@@ -30,8 +30,10 @@ COVERED_S = (0.5, 1.0)
 FAR_CORNERS = 1e5 * np.array([[-1.0, -1.1], [1.2, -1.0], [1.0, 1.3], [-1.4, 1.0]], np.float32)
 #: Fewest points of a cluster, and the most moving points used, the most significant ones.
 MIN_POINTS, MAX_MOVING = 5, 2500
-#: Largest side of a cluster, share of the image width (384 of 960 pixels): what is larger is a part of the scene.
-MAX_SIDE_SHARE = 0.4
+#: Largest side of a cluster, share of the image width (144 of 960 pixels): what is larger may be vehicles in a row.
+MAX_SIDE_SHARE = 0.15
+#: Where short links alone hold this share of the points together, it is one, up to this size (384 of 960 pixels).
+DENSE_SHARE, MAX_DENSE_SIDE_SHARE = 0.9, 0.4
 #: Places along a link that are looked at, share of the way.
 ALONG = np.linspace(0.1, 0.9, 9, dtype=np.float32)[:, None, None]
 
@@ -70,10 +72,21 @@ def find_clusters(points: Points, motion: PointMotion, old: BoolArray, frames: R
     links = links[moved_alike([each[moving] for each in motion.displacements], links)]
     links = links[_covered(places, links, frames)]
     groups = [moving[group] for group in linked_groups(len(moving), links)]
-    largest_px = MAX_SIDE_SHARE * frames[0].gray.shape[1]
+    width = frames[0].gray.shape[1]
+    largest_px = MAX_SIDE_SHARE * width
     bodies = joined_parts(groups, points.now, still, motion.displacements, frames[0].half, largest_px)
     found = [_cluster(body, points, motion) for body in bodies if len(body) >= MIN_POINTS]
-    return [each for each in found if each.side_px <= largest_px]
+    close = links[_lengths(places, links) <= LINK_PX]
+    return [each for each in found if each.side_px <= largest_px or (
+        each.side_px <= MAX_DENSE_SIDE_SHARE * width and _dense(np.searchsorted(moving, each.members), close))]
+
+
+def _dense(members: npt.NDArray[np.intp], links: npt.NDArray[np.intp]) -> bool:
+    """Whether ``DENSE_SHARE`` of the members hold together by the links (n, 2), in the same numbers."""
+    number = np.sort(members)
+    inside = links[np.isin(links, number).all(axis=1)]
+    groups = linked_groups(len(number), np.searchsorted(number, inside))
+    return max(len(group) for group in groups) >= DENSE_SHARE * len(number)
 
 
 def _links(moving: FloatArray, still: FloatArray) -> npt.NDArray[np.intp]:

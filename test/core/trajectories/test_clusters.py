@@ -71,10 +71,10 @@ class Textured(Car):
         return np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2).astype(np.float32)
 
 
-def clusters_of(cars: list[Car], still: np.ndarray | None = None) -> list[tuple[int, int]]:
-    """Left and right end of each cluster, pixels. cars: drawn in their order."""
+def clusters_of(cars: list[Car], still: np.ndarray | None = None, history: int = 20) -> list[tuple[int, int]]:
+    """Left and right end of each cluster, pixels. cars: drawn in their order; history: frames before the newest."""
     pictures = []
-    for ago in range(20, -1, -1):
+    for ago in range(history, -1, -1):
         gray = np.full((HEIGHT, WIDTH), ROAD, np.uint8)
         for car in cars:
             car.draw(gray, ago)
@@ -85,11 +85,11 @@ def clusters_of(cars: list[Car], still: np.ndarray | None = None) -> list[tuple[
     speed = np.concatenate([*(np.full(len(car.points()), car.speed) for car in cars), np.zeros(len(standing))])
     path = np.full((len(places), MAX_FRAMES, 2), np.nan, np.float32)
     path[:, 0] = places
-    points = Points(path, np.full(len(places), 20, np.int32), np.zeros((len(places), 2), np.float32),
+    points = Points(path, np.full(len(places), history, np.int32), np.zeros((len(places), 2), np.float32),
                     np.arange(len(places)))
     own = np.stack([speed, np.zeros_like(speed)], axis=1)
     motion = replace(PointMotion.at_rest(len(places)), velocity=20.0 * own, sigmas=np.where(speed != 0.0, 20.0, 0.0),
-                     displacements=(20.0 * own, 10.0 * own))
+                     displacements=(history * own, history / 2.0 * own))
     found = find_clusters(points, motion, np.ones(len(places), bool), frames)
     return sorted((round(each.low[0]), round(each.high[0])) for each in found)
 
@@ -101,6 +101,11 @@ class TestClusters:
     def test_what_is_near_is_large(self) -> None:
         """A third of the picture's width, as a vehicle that the camera follows closely."""
         assert clusters_of([Textured(190, 60, 162, 90, 9.0)]) == [(192, 344)]
+
+    def test_two_that_follow_each_other_are_no_large_one(self) -> None:
+        """What is between them, 30 pixels of road, differs from what was there 0.3 s ago, when the first one was."""
+        ahead, behind = Textured(300, 60, 60, 42, 7.5), Textured(210, 60, 60, 42, 7.5)
+        assert clusters_of([ahead, behind], history=6) == []
 
     def test_half_of_the_picture_is_the_scene(self) -> None:
         assert clusters_of([Textured(190, 60, 240, 90, 9.0)]) == []
