@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from motion_detect_ros.core.geometry.warp import at_scale, stabilise
-from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
+from motion_detect_ros.core.trajectories.recent_frames import RecentFrame, RecentFrames
 from motion_detect_ros.core.types import BoolArray, ByteArray
 
 #: Light is what changes over halved images shrunk by this factor, under a median and a blur (window and deviation) of
@@ -29,10 +29,14 @@ def changed_pixels(frames: RecentFrames, frames_ago: list[int]) -> BoolArray:
     current = frames[0].half
     least: ByteArray = np.full(current.shape, 255 if frames_ago else 0, np.uint8)
     for ago in frames_ago:
-        earlier = stabilise(frames[ago].half, at_scale(frames[ago].matrix, 0.5))
-        least = cv2.min(least, cv2.absdiff(current, relit(earlier, current)))
+        least = cv2.min(least, cv2.absdiff(current, earlier_half(frames[0], frames[ago])))
     changed: BoolArray = cv2.blur(least, WINDOW) > CHANGED_GRAY
     return changed
+
+
+def earlier_half(current: RecentFrame, earlier: RecentFrame) -> ByteArray:
+    """(ceil(h / 2), ceil(w / 2)) the earlier frame at half its size, in the place and the light of the current one."""
+    return relit(stabilise(earlier.half, at_scale(earlier.matrix, 0.5)), current.half)
 
 
 def relit(earlier: ByteArray, current: ByteArray) -> ByteArray:

@@ -76,16 +76,16 @@ def find_clusters(points: Points, motion: PointMotion, old: BoolArray, frames: R
     largest_px = MAX_SIDE_SHARE * width
     bodies = joined_parts(groups, points.now, still, motion.displacements, frames[0].half, largest_px)
     found = [_cluster(body, points, motion) for body in bodies if len(body) >= MIN_POINTS]
-    close = links[_lengths(places, links) <= LINK_PX]
     return [each for each in found if each.side_px <= largest_px or (
-        each.side_px <= MAX_DENSE_SIDE_SHARE * width and _dense(np.searchsorted(moving, each.members), close))]
+        each.side_px <= MAX_DENSE_SIDE_SHARE * width and _dense(np.searchsorted(moving, each.members), places, links))]
 
 
-def _dense(members: npt.NDArray[np.intp], links: npt.NDArray[np.intp]) -> bool:
-    """Whether ``DENSE_SHARE`` of the members hold together by the links (n, 2), in the same numbers."""
+def _dense(members: npt.NDArray[np.intp], places: FloatArray, links: npt.NDArray[np.intp]) -> bool:
+    """Whether short links alone hold ``DENSE_SHARE`` of the members together. links: (n, 2) of the places (N, 2)."""
     number = np.sort(members)
     inside = links[np.isin(links, number).all(axis=1)]
-    groups = linked_groups(len(number), np.searchsorted(number, inside))
+    short = inside[_lengths(places, inside) <= LINK_PX]
+    groups = linked_groups(len(number), np.searchsorted(number, short))
     return max(len(group) for group in groups) >= DENSE_SHARE * len(number)
 
 

@@ -115,6 +115,7 @@ class TrajectoryFinder:
         """Objects in ``frame``; ego: motion into it; camera: of its working resolution."""
         if not self._frames.add(frame, ego):
             self._start_anew()
+        self._shadows = SoftShadows(self._frames)
         before, self._points = self._points, self._tracker.step(self._frames, frame.mask)
         self.found = self._every.due(ego.dt_s) and len(self._frames) >= FIRST_FRAMES
         if self.found:
@@ -138,8 +139,8 @@ class TrajectoryFinder:
 
         scale: working pixels per full-resolution pixel.
         """
-        shadows, (height, width) = SoftShadows(self._frames), self._frames[0].gray.shape
-        return [_without_shadow(each, shadows, scale, width, height) for each in candidates]
+        height, width = self._frames[0].gray.shape
+        return [_without_shadow(each, self._shadows, scale, width, height) for each in candidates]
 
     def _find(self, frame: PreparedFrame, camera: CameraModel) -> list[FoundObject]:
         points = self._points
@@ -155,7 +156,8 @@ class TrajectoryFinder:
         owner = np.full(len(points), -1, np.intp)
         for number, cluster in enumerate(clusters):
             owner[cluster.members] = number
-        fitter = BoxFitter(points, self._frames, frame.mask, NearestPoints(points.now[old], owner[old]), self._config)
+        nearest = NearestPoints(points.now[old], owner[old])
+        fitter = BoxFitter(points, self._frames, frame.mask, nearest, self._shadows, self._config)
         bounds = _figures(clusters, [PointBox.around(cluster.low, cluster.high) for cluster in clusters], known, moving)
         fitted = [(cluster, fitter.fit(cluster, number)) for number, cluster in enumerate(clusters)
                   if self._score.log_odds(bounds[number]) >= self._score.least - UNFITTED_LOG_ODDS]

@@ -90,12 +90,11 @@ class BoxFitter:
 
     def __init__(
         self, points: Points, frames: RecentFrames, mask: BoolArray | None, nearest: NearestPoints,
-        config: ObjectsConfig,
+        shadows: SoftShadows, config: ObjectsConfig,
     ) -> None:
         self._points, self._frames, self._mask = points, frames, mask
-        self._nearest, self._config = nearest, config
+        self._nearest, self._shadows, self._config = nearest, shadows, config
         self._pairs: dict[int, tuple[ImagePair, float]] = {}
-        self._shadows = SoftShadows(frames)
 
     def fit(self, cluster: Cluster, number: int) -> FittedBox | None:
         """Box of a cluster, None where the images do not support it. number: its own in ``nearest``; -1 = still."""

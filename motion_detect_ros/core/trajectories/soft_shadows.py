@@ -12,8 +12,7 @@ import cv2
 import numpy as np
 
 from motion_detect_ros.core.geometry.boxes import Box
-from motion_detect_ros.core.geometry.warp import at_scale, stabilise
-from motion_detect_ros.core.trajectories.changes import relit
+from motion_detect_ros.core.trajectories.changes import earlier_half
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.types import BoolArray, FloatArray
 
@@ -52,8 +51,7 @@ class SoftShadows:
     @cached_property
     def _faint(self) -> BoolArray:
         """(ceil(h / 2), ceil(w / 2)) where the ground shows through."""
-        current = self._current.half
-        oldest = relit(stabilise(self._oldest.half, at_scale(self._oldest.matrix, 0.5)), current)
-        ratio: FloatArray = (current + np.float32(BLACK_GRAY)) / (oldest + np.float32(BLACK_GRAY))
+        now, before = self._current.half, earlier_half(self._current, self._oldest)
+        ratio: FloatArray = (now + np.float32(BLACK_GRAY)) / (before + np.float32(BLACK_GRAY))
         faint: BoolArray = (ratio > DARKEST) & (ratio < BRIGHTEST)
         return faint

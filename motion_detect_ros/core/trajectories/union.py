@@ -27,7 +27,7 @@ def united(from_flow: list[Candidate], from_points: list[Candidate], largest_px:
 
     Where one of each source shows an object, their boxes are averaged. Elsewhere a candidate of flow gives way to those
     of the points that are there: neighbours that flow cannot tell apart, or an object that it saw a part of. Of what is
-    larger than ``largest_px``, the longest side that the points show, they may see parts only.
+    larger than ``largest_px``, the longest side that points show unless they are dense, they may see parts only.
     """
     if not from_points or not from_flow:
         return from_flow + from_points
