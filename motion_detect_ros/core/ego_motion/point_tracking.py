@@ -13,6 +13,8 @@ from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, Floa
 SEED_STRIDE, MIN_SEEDS = 6, 20
 #: RANSAC threshold of the seed points, pixels: what the tracker corrects without a pyramid.
 AGREEMENT_PX = 3.0
+#: Fewer failed points than this, share of all, are let go: a pyramid costs as much for one point as for hundreds.
+RETRIED_SHARE = 0.05
 
 
 def track_points(
@@ -24,14 +26,14 @@ def track_points(
     previous, current: (h, w) uint8 of the same size; points: (N, 2) float32 pixels of these images; prior: (3, 3)
     initial guess, previous pixel -> current pixel, None = identity. Seed points give the common motion, from which
     the others are tracked without a pyramid. Points that fail, on moving objects or at another depth, are tracked
-    over the whole pyramid.
+    over the whole pyramid where they are over ``RETRIED_SHARE`` of all.
     Source: Bouguet 2001; forward-backward check: Kalal et al. 2010.
     """
     common = _common_motion(previous, current, points, config, prior)
     if common is None:
         return _both_ways(previous, current, points, config, prior, config.pyramid_levels)
     moved, good = track_close(previous, current, points, config, common)
-    if not good.all():
+    if np.count_nonzero(~good) > RETRIED_SHARE * len(points):
         moved[~good], good[~good] = _both_ways(previous, current, points[~good], config, prior, config.pyramid_levels)
     return moved, good
 

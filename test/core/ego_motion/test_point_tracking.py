@@ -71,6 +71,19 @@ def test_another_motion_than_the_common_one_is_followed_too():
     assert followed.sum() > 0.8 * inside.sum() > 40
 
 
+def test_a_few_points_with_another_motion_are_let_go():
+    """A pyramid for them alone costs as much as for hundreds, and the camera's motion needs none of them."""
+    previous, current, other = view(world(1), np.eye(3)), view(world(1), np.eye(3)), world(9, HEIGHT, WIDTH)
+    previous[150:220, 200:270] = other[150:220, 200:270]
+    current[150:220, 232:302] = other[150:220, 200:270]
+    points = corners(previous)
+    inside = ((points > [205, 155]) & (points < [265, 215])).all(axis=1)
+    assert 5 <= inside.sum() < 0.03 * len(points)
+    _, good = track_points(previous, current, points, CONFIG)
+    assert not good[inside].any()
+    assert good[~inside].mean() > 0.95
+
+
 def test_hidden_points_do_not_survive_the_way_back():
     hidden = survived = 0
     for seed in range(6):
