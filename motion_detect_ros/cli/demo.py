@@ -110,9 +110,9 @@ def run_live(bag: Path, stamps_ns: tuple[int, ...], preset: str, rate: float) ->
 
     Raises: SourceError where a node does not come up.
     """
-    from motion_detect_ros.cli.live import LiveGraph
+    from motion_detect_ros.cli.live import LiveGraph, queues
     start = perf_counter()
-    with LiveGraph(preset, parameters=(f'queue_size:={QUEUE_SIZE}',)) as graph:
+    with LiveGraph(preset, parameters=queues(QUEUE_SIZE)) as graph:
         print(f'nodes up after {perf_counter() - start:.0f} s, playing', file=sys.stderr)
         playback = graph.play(bag, len(stamps_ns), rate)
     frame_of = {stamp: index for index, stamp in enumerate(stamps_ns)}

@@ -35,6 +35,8 @@ IDLE_TIMEOUT_S = 15.0
 POLL_S = 0.05
 #: What the nodes listen to.
 IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_TOPIC, IMU_TOPIC = 'image_raw', 'image_raw/compressed', 'camera_info', 'imu'
+#: What goes from one process to another for each image.
+IMAGE_BY_IMAGE = (IMAGE_TOPIC, CAMERA_TOPIC, 'clock', 'ego_motion', 'flow', 'detections')
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,10 @@ class LiveGraph:
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()
+
+    def process_id(self, node: str) -> int:
+        """Of a node's process."""
+        return self._processes[node].pid
 
     def output(self, node: str) -> str:
         """What a node has printed so far."""
@@ -154,6 +160,17 @@ class LiveGraph:
         self.exit_codes = {node: _end(process) for node, process in self._processes.items()}
         if not any(self.exit_codes.values()):  # what a failed node has printed stays to be read
             shutil.rmtree(self._log, ignore_errors=True)
+
+
+def queues(depth: int) -> tuple[str, ...]:
+    """Settings of nodes and player under which so many images may wait before any is lost, wherever they wait."""
+    return (f'queue_size:={depth}', *(setting for topic in IMAGE_BY_IMAGE for setting in depth_of(topic, depth)))
+
+
+def depth_of(topic: str, depth: int) -> tuple[str, str]:
+    """Settings under which so many messages of ``topic`` wait at its publisher and at each subscriber."""
+    publisher, subscription = (f'qos_overrides./{topic}.{end}.depth:={depth}' for end in ('publisher', 'subscription'))
+    return publisher, subscription
 
 
 def _topics(bag: Path) -> list[str]:

@@ -7,6 +7,8 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,8 +21,9 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from motion_detect_ros.bridge.images import header_of, image_to_msg, stamp_ns
 from motion_detect_ros.bridge.transport import environment
+from motion_detect_ros.cli.demo import QUEUE_SIZE
 from motion_detect_ros.cli.domains import own_domain
-from motion_detect_ros.cli.live import STAGES, LiveGraph
+from motion_detect_ros.cli.live import STAGES, LiveGraph, queues
 from motion_detect_ros.sources.bags import BagWriter
 from motion_detect_ros.sources.messages import IMAGE, header, make, serialize
 
@@ -161,6 +164,32 @@ def broken_image(stamp: int) -> bytes:
     return serialize(make(
         IMAGE, header=header(stamp, 'camera'), height=240, width=320, encoding='bgr8', is_bigendian=0, step=960,
         data=np.zeros(1000, np.uint8)))
+
+
+@pytest.mark.parametrize('stage', STAGES)
+def test_the_demo_waits_for_a_stage_that_gets_no_processor(tmp_path: Path, stage: str):
+    """Held for about ten images, as on a busy machine: all are answered in the end."""
+    bag = tmp_path / 'scene.mcap'
+    write_scene(bag, 20)
+    with LiveGraph('default', STAGES, parameters=queues(QUEUE_SIZE)) as graph:
+        holding = threading.Thread(target=hold, args=(graph, stage), daemon=True)
+        holding.start()
+        playback = graph.play(bag, 20)
+        holding.join(TIMEOUT_S)
+    assert [m.stamp_ns // PERIOD_NS for m in playback.received] == list(range(1, 21))
+
+
+def hold(graph: LiveGraph, stage: str) -> None:
+    """From the fourth image on, until ten more have been published."""
+    process_id = graph.process_id(stage)
+    while graph.planner.published < 4:
+        time.sleep(0.01)
+    os.kill(process_id, signal.SIGSTOP)
+    try:
+        while graph.planner.published < 14:
+            time.sleep(0.01)
+    finally:
+        os.kill(process_id, signal.SIGCONT)
 
 
 LARGE = (960, 540)

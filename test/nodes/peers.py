@@ -17,6 +17,7 @@ from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import Image
 
 from motion_detect_ros.bridge.images import header_of, image_to_msg
+from motion_detect_ros.cli.live import depth_of, queues
 
 #: A safety net: three nodes that share a busy core take a minute to start.
 TIMEOUT_S = 300.0
@@ -183,16 +184,10 @@ def found_each_other(
     return sent
 
 
-def deep(*topics: str) -> tuple[str, ...]:
-    """Settings under which nothing on ``topics`` is overwritten before it is taken."""
-    return tuple(f'qos_overrides./{topic}.{end}.depth:={DEEP}'
-                 for topic in topics for end in ('publisher', 'subscription'))
-
-
 def lossless(*topics: str) -> list[str]:
-    """``deep`` as ROS arguments."""
-    return [word for setting in deep(*topics) for word in ('-p', setting)]
+    """ROS arguments under which nothing on ``topics`` is overwritten before it is taken."""
+    return [word for topic in topics for setting in depth_of(topic, DEEP) for word in ('-p', setting)]
 
 
 #: Every image is answered, however late: for stages, and for the player that feeds them.
-PATIENT = (f'queue_size:={DEEP}', *deep('image_raw', 'camera_info', 'flow', 'ego_motion', 'detections', 'clock'))
+PATIENT = queues(DEEP)
