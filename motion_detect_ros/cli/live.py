@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from motion_detect_ros.bridge.qos import CLOCK_DEPTH
 from motion_detect_ros.bridge.serialized import header_stamp_ns, with_clock
 from motion_detect_ros.bridge.transport import environment
 from motion_detect_ros.cli.domains import own_domain
@@ -36,7 +37,7 @@ POLL_S = 0.05
 #: What the nodes listen to.
 IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_TOPIC, IMU_TOPIC = 'image_raw', 'image_raw/compressed', 'camera_info', 'imu'
 #: What goes from one process to another for each image.
-IMAGE_BY_IMAGE = (IMAGE_TOPIC, CAMERA_TOPIC, 'clock', 'ego_motion', 'flow', 'detections')
+IMAGE_BY_IMAGE = (IMAGE_TOPIC, CAMERA_TOPIC, 'ego_motion', 'flow', 'detections')
 
 
 @dataclass(frozen=True)
@@ -164,7 +165,8 @@ class LiveGraph:
 
 def queues(depth: int) -> tuple[str, ...]:
     """Settings of nodes and player under which so many images may wait before any is lost, wherever they wait."""
-    return (f'queue_size:={depth}', *(setting for topic in IMAGE_BY_IMAGE for setting in depth_of(topic, depth)))
+    return (f'queue_size:={depth}', *(setting for topic in IMAGE_BY_IMAGE for setting in depth_of(topic, depth)),
+            *depth_of('clock', max(depth, CLOCK_DEPTH)))  # ticks with other messages than images too
 
 
 def depth_of(topic: str, depth: int) -> tuple[str, str]:

@@ -19,6 +19,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from peers import PATIENT, TIMEOUT_S, Peer, ready
 from sensor_msgs.msg import Image, PointCloud2
 
+from motion_detect_ros.bridge import topics
 from motion_detect_ros.bridge.images import header_of, image_to_msg, stamp_ns
 from motion_detect_ros.bridge.transport import environment
 from motion_detect_ros.cli.demo import QUEUE_SIZE
@@ -29,6 +30,8 @@ from motion_detect_ros.sources.messages import IMAGE, header, make, serialize
 
 NODES = ('camera', 'ego_motion', 'optical_flow', 'art2_clustering', 'pipeline', 'overlay', 'bag_player')
 PERIOD_NS = 100_000_000
+#: What every image brings along.
+TOPICS = (topics.IMAGE, topics.CAMERA_INFO, topics.EGO_MOTION, topics.FLOW, topics.DETECTIONS, topics.CLOCK)
 
 
 def texture(seed: int, height: int, width: int) -> np.ndarray:
@@ -164,6 +167,14 @@ def broken_image(stamp: int) -> bytes:
     return serialize(make(
         IMAGE, header=header(stamp, 'camera'), height=240, width=320, encoding='bgr8', is_bigendian=0, step=960,
         data=np.zeros(1000, np.uint8)))
+
+
+@pytest.mark.parametrize('topic', TOPICS, ids=lambda topic: topic.name)
+def test_the_demo_lets_nothing_wait_less_than_usual(topic: topics.Topic):
+    settings = dict(setting.split(':=') for setting in queues(QUEUE_SIZE))
+    for end in ('publisher', 'subscription'):
+        wanted = max(topic.qos().depth, QUEUE_SIZE)
+        assert int(settings[f'qos_overrides./{topic.name.lstrip("/")}.{end}.depth']) >= wanted
 
 
 @pytest.mark.parametrize('stage', STAGES)
