@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -54,6 +54,11 @@ class Cluster:
     def side_px(self) -> float:
         """The longer side of the bounds."""
         return float((self.high - self.low).max())
+
+    def at(self, members: npt.NDArray[np.intp], places: FloatArray) -> Cluster:
+        """The same with other members, at least one, at the places (N, 2) of all points."""
+        there = places[members]
+        return replace(self, members=members, low=there.min(axis=0), high=there.max(axis=0))
 
 
 def find_clusters(points: Points, motion: PointMotion, old: BoolArray, frames: RecentFrames) -> list[Cluster]:

@@ -13,7 +13,7 @@ from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.order_statistics import column_medians
-from motion_detect_ros.core.periods import Every
+from motion_detect_ros.core.periods import Every, reached
 from motion_detect_ros.core.trajectories.clusters import MIN_POINTS, Cluster, find_clusters
 from motion_detect_ros.core.trajectories.object_motion import object_motion
 from motion_detect_ros.core.trajectories.point_boxes import BoxFitter, NearestPoints, PointBox
@@ -34,6 +34,8 @@ STILL_S = 0.2
 UNFITTED_LOG_ODDS = 0.5
 #: How far around a box the points are looked at, pixels.
 AROUND_PX = 10.0
+#: Boxes are fitted a frame after their clusters are found where finding comes later than so many frames after that.
+FRAMES_TAKEN = 2
 #: ``Candidate.cluster`` of what no ART2 neuron won.
 NO_NEURON = 0
 
@@ -83,6 +85,25 @@ class FoundObject:
                          self.log_odds, NO_NEURON)
 
 
+@dataclass(frozen=True)
+class _Waiting:
+    """Clusters without boxes. ``points``: of their frame; ``known``, ``moving``: which of these are old enough to show
+    motion, and do.
+    """
+
+    clusters: list[Cluster]
+    points: Points
+    known: npt.NDArray[np.intp]
+    moving: npt.NDArray[np.intp]
+
+    def among(self, now: Points) -> _Waiting:
+        """The same in a later frame, with the points that live on, and without clusters of too few."""
+        there = (now.survivors(self.points, cluster.members)[1] for cluster in self.clusters)
+        clusters = [cluster.at(members, now.now) for cluster, members in zip(self.clusters, there, strict=True)
+                    if len(members) >= MIN_POINTS]
+        return _Waiting(clusters, now, *(now.survivors(self.points, each)[1] for each in (self.known, self.moving)))
+
+
 class TrajectoryFinder:
     """Holds the points and the frames of the last second.
 
@@ -110,6 +131,7 @@ class TrajectoryFinder:
         self._every.reset()
         self._points, self.objects, self.found = Points(), list[FoundObject](), False
         self._standing = StandingPoints()
+        self._waiting: _Waiting | None = None
 
     def candidates(self, frame: PreparedFrame, ego: EgoMotion, camera: CameraModel) -> list[Candidate]:
         """Objects in ``frame``; ego: motion into it; camera: of its working resolution."""
@@ -117,10 +139,16 @@ class TrajectoryFinder:
             self._start_anew()
         self._shadows = SoftShadows(self._frames)
         before, self._points = self._points, self._tracker.step(self._frames, frame.mask)
-        self.found = self._every.due(ego.dt_s) and len(self._frames) >= FIRST_FRAMES
-        if self.found:
-            self.objects = self._find(frame, camera)
+        due = self._every.due(ego.dt_s) and len(self._frames) >= FIRST_FRAMES
+        waiting, self._waiting = self._waiting, None
+        if due:
+            waiting = self._clusters(camera)
             self._every.done()
+            if self.objects and not reached(FRAMES_TAKEN * ego.dt_s, FOUND_EVERY_S, ego.dt_s):
+                waiting, self._waiting = None, waiting
+        self.found = waiting is not None
+        if waiting is not None:
+            self.objects = self._boxes(waiting.among(self._points), frame)
         else:
             moved = (each.moved(before, self._points) for each in self.objects)
             self.objects = [each for each in moved if each is not None]
@@ -142,22 +170,27 @@ class TrajectoryFinder:
         height, width = self._frames[0].gray.shape
         return [_without_shadow(each, self._shadows, scale, width, height) for each in candidates]
 
-    def _find(self, frame: PreparedFrame, camera: CameraModel) -> list[FoundObject]:
+    def _clusters(self, camera: CameraModel) -> _Waiting:
         points = self._points
         old: BoolArray = points.age >= self._frames.nearest(STILL_S)
         motion = object_motion(points, self._frames, camera)
         self._tracker.told(motion.moving, spare_points(points, motion, self._frames))
         self._standing.measured(points, motion, np.flatnonzero(old))
-        clusters = find_clusters(points, motion, old, self._frames)
+        return _Waiting(find_clusters(points, motion, old, self._frames), points, np.flatnonzero(old),
+                        np.flatnonzero(old & motion.moving))
+
+    def _boxes(self, of: _Waiting, frame: PreparedFrame) -> list[FoundObject]:
+        """Those that are objects; of: in ``frame``."""
+        clusters, places = of.clusters, of.points.now
         if not clusters:
             return []
-        known = PointCounts(points.now[old], frame.gray.shape)
-        moving = PointCounts(points.now[old & motion.moving], frame.gray.shape)
-        owner = np.full(len(points), -1, np.intp)
+        known = PointCounts(places[of.known], frame.gray.shape)
+        moving = PointCounts(places[of.moving], frame.gray.shape)
+        owner = np.full(len(places), -1, np.intp)
         for number, cluster in enumerate(clusters):
             owner[cluster.members] = number
-        nearest = NearestPoints(points.now[old], owner[old])
-        fitter = BoxFitter(points, self._frames, frame.mask, nearest, self._shadows, self._config)
+        fitter = BoxFitter(of.points, self._frames, frame.mask, NearestPoints(places[of.known], owner[of.known]),
+                           self._shadows, self._config)
         bounds = _figures(clusters, [PointBox.around(cluster.low, cluster.high) for cluster in clusters], known, moving)
         fitted = [(cluster, fitter.fit(cluster, number)) for number, cluster in enumerate(clusters)
                   if self._score.log_odds(bounds[number]) >= self._score.least - UNFITTED_LOG_ODDS]

@@ -12,6 +12,8 @@ from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.geometry.warp import apply
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.settings import with_settings
+from motion_detect_ros.core.trajectories import clusters
+from motion_detect_ros.core.trajectories.clusters import Cluster
 from motion_detect_ros.core.trajectories.finder import TrajectoryFinder
 from motion_detect_ros.core.trajectories.object_motion import PointMotion, object_motion
 from motion_detect_ros.core.trajectories.points import Points, PointTracker
@@ -181,11 +183,11 @@ START = np.array([200.0, 150.0])
 GROUND, THING = smooth_texture(1, 500, 700), smooth_texture(2, SIDE, SIDE, 1.0)
 
 
-def small_mover(index: int) -> np.ndarray:
-    """The camera drifts over textured ground, a square of 14 px moves on it at 0.8 px a frame."""
+def small_mover(index: int, speed: float = SPEED) -> np.ndarray:
+    """The camera drifts over textured ground, a square of 14 px moves on it at 0.8 px a frame, or another speed."""
     pan = np.array([[1, 0, -60 - 1.3 * index], [0, 1, -60 - 0.4 * index], [0, 0, 1]], float)
     picture = warped(GROUND, pan, 480, 320)
-    place = corner(index)
+    place = corner(index, speed)
     shift = np.array([[1, 0, place[0]], [0, 1, place[1]], [0, 0, 1]], float)
     cover = warped(np.full((SIDE, SIDE), 255, np.uint8), shift, 480, 320).astype(float) / 255.0
     framed = cv2.copyMakeBorder(THING, 2, 2, 2, 2, cv2.BORDER_REPLICATE)
@@ -194,8 +196,8 @@ def small_mover(index: int) -> np.ndarray:
     return np.rint(cover * thing + (1.0 - cover) * picture).clip(0, 255).astype(np.uint8)
 
 
-def corner(index: int) -> np.ndarray:
-    return START + index * np.array([SPEED - 1.3, -0.4])
+def corner(index: int, speed: float = SPEED) -> np.ndarray:
+    return START + index * np.array([speed - 1.3, -0.4])
 
 
 def overlap(record: np.void, index: int) -> float:
@@ -223,6 +225,35 @@ def test_a_small_square_gets_points_though_all_of_the_image_changes() -> None:
         centre = corner(index) + SIDE / 2
         found.append(any((np.abs(each.centre - centre) < SIDE / 2).all() for each in candidates))
     assert np.mean(found[25:]) > 0.8
+
+
+@pytest.mark.parametrize(('hz', 'together'), [(10, True), (20, True), (25, False), (30, False)])
+def test_boxes_are_fitted_in_the_frame_after_their_clusters_where_one_is_free(
+    monkeypatch: pytest.MonkeyPatch, hz: int, together: bool,
+) -> None:
+    """Else one frame does all the work. Either way boxes lie where the square is in the frame they are fitted in."""
+    finder, clustered = TrajectoryFinder(load_preset('visdrone')), list[int]()
+
+    def find_clusters(*given: object) -> list[Cluster]:
+        clustered.append(index)
+        return clusters.find_clusters(*given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr('motion_detect_ros.core.trajectories.finder.find_clusters', find_clusters)
+    pan = np.array([[1, 0, -1.3], [0, 1, -0.4], [0, 0, 1]])
+    fitted, ahead_px, period_ns = [], [], 10 ** 9 // hz
+    for index in range(3 * hz):
+        frame = replace(prepared(small_mover(index, 4.0), index), stamp_ns=(index + 1) * period_ns)
+        motion = replace(ego(pan, index), stamp_ns=frame.stamp_ns, prev_stamp_ns=index * period_ns)
+        found = finder.candidates(frame, motion, CameraModel.guessed(480, 320, 1.0))
+        if finder.found:
+            fitted.append(index)
+            ahead_px += [each.centre[0] - corner(index, 4.0)[0] - SIDE / 2 for each in found]
+    delay, last = 0 if together else 1, range(3 * hz - 15, 3 * hz - 4)
+    late = [index for index in clustered if index in last]
+    assert set(np.diff(late)) == {2 if together else 3}
+    assert [index for index in fitted if index - delay in last] == [index + delay for index in late]
+    assert len(ahead_px) > len(fitted) / 2
+    assert abs(np.median(ahead_px)) < 1.0, 'of 2.7 a frame'
 
 
 class TestPipeline:
