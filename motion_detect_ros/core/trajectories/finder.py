@@ -75,7 +75,7 @@ class FoundObject:
         if len(there) < MIN_POINTS:
             return None
         way = column_medians(now.now[there] - before.now[was])
-        return replace(self, cluster=replace(self.cluster, members=there),
+        return replace(self, cluster=self.cluster.at(there, now.now),
                        box=PointBox(self.box.low + way, self.box.high + way, self.box.pixels))
 
     def candidate(self, scale: float) -> Candidate:
@@ -86,8 +86,8 @@ class FoundObject:
 
 
 @dataclass(frozen=True)
-class _Waiting:
-    """Clusters without boxes. ``points``: of their frame; ``known``, ``moving``: which of these are old enough to show
+class _Clusters:
+    """Clusters of one frame. ``points``: of it; ``known``, ``moving``: which of these are old enough to show
     motion, and do.
     """
 
@@ -96,12 +96,13 @@ class _Waiting:
     known: npt.NDArray[np.intp]
     moving: npt.NDArray[np.intp]
 
-    def among(self, now: Points) -> _Waiting:
+    def among(self, now: Points) -> _Clusters:
         """The same in a later frame, with the points that live on, and without clusters of too few."""
         there = (now.survivors(self.points, cluster.members)[1] for cluster in self.clusters)
         clusters = [cluster.at(members, now.now) for cluster, members in zip(self.clusters, there, strict=True)
                     if len(members) >= MIN_POINTS]
-        return _Waiting(clusters, now, *(now.survivors(self.points, each)[1] for each in (self.known, self.moving)))
+        known, moving = (now.survivors(self.points, each)[1] for each in (self.known, self.moving))
+        return _Clusters(clusters, now, known, moving)
 
 
 class TrajectoryFinder:
@@ -131,7 +132,7 @@ class TrajectoryFinder:
         self._every.reset()
         self._points, self.objects, self.found = Points(), list[FoundObject](), False
         self._standing = StandingPoints()
-        self._waiting: _Waiting | None = None
+        self._waiting: _Clusters | None = None
 
     def candidates(self, frame: PreparedFrame, ego: EgoMotion, camera: CameraModel) -> list[Candidate]:
         """Objects in ``frame``; ego: motion into it; camera: of its working resolution."""
@@ -139,16 +140,16 @@ class TrajectoryFinder:
             self._start_anew()
         self._shadows = SoftShadows(self._frames)
         before, self._points = self._points, self._tracker.step(self._frames, frame.mask)
-        due = self._every.due(ego.dt_s) and len(self._frames) >= FIRST_FRAMES
-        waiting, self._waiting = self._waiting, None
-        if due:
-            waiting = self._clusters(camera)
+        clusters = None if self._waiting is None else self._waiting.among(self._points)
+        self._waiting = None
+        if self._every.due(ego.dt_s) and len(self._frames) >= FIRST_FRAMES:
+            clusters = self._clusters(camera)
             self._every.done()
             if self.objects and not reached(FRAMES_TAKEN * ego.dt_s, FOUND_EVERY_S, ego.dt_s):
-                waiting, self._waiting = None, waiting
-        self.found = waiting is not None
-        if waiting is not None:
-            self.objects = self._boxes(waiting.among(self._points), frame)
+                clusters, self._waiting = None, clusters
+        self.found = clusters is not None
+        if clusters is not None:
+            self.objects = self._boxes(clusters, frame)
         else:
             moved = (each.moved(before, self._points) for each in self.objects)
             self.objects = [each for each in moved if each is not None]
@@ -170,16 +171,16 @@ class TrajectoryFinder:
         height, width = self._frames[0].gray.shape
         return [_without_shadow(each, self._shadows, scale, width, height) for each in candidates]
 
-    def _clusters(self, camera: CameraModel) -> _Waiting:
+    def _clusters(self, camera: CameraModel) -> _Clusters:
         points = self._points
         old: BoolArray = points.age >= self._frames.nearest(STILL_S)
         motion = object_motion(points, self._frames, camera)
         self._tracker.told(motion.moving, spare_points(points, motion, self._frames))
         self._standing.measured(points, motion, np.flatnonzero(old))
-        return _Waiting(find_clusters(points, motion, old, self._frames), points, np.flatnonzero(old),
+        return _Clusters(find_clusters(points, motion, old, self._frames), points, np.flatnonzero(old),
                         np.flatnonzero(old & motion.moving))
 
-    def _boxes(self, of: _Waiting, frame: PreparedFrame) -> list[FoundObject]:
+    def _boxes(self, of: _Clusters, frame: PreparedFrame) -> list[FoundObject]:
         """Those that are objects; of: in ``frame``."""
         clusters, places = of.clusters, of.points.now
         if not clusters:
