@@ -15,7 +15,7 @@ setup(
     maintainer='motion_detect_ros maintainers',
     maintainer_email='maintainers@motion-detect-ros.example.org',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
-    package_data={f'{PACKAGE}.report': ['templates/*']},
+    package_data={PACKAGE: ['kernels.json'], f'{PACKAGE}.report': ['templates/*']},
     python_requires='>=3.11',
     install_requires=[
         'setuptools',

@@ -1,4 +1,7 @@
-"""glibc's allocator, told to keep the buffers of images: giving them back after every frame takes milliseconds."""
+"""glibc's allocator, told to keep the buffers of images: giving them back after every frame takes milliseconds.
+
+In two heaps, not in one for each thread, which would keep the largest buffers that it ever had.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,10 @@ import ctypes
 import sys
 
 #: For processes that are yet to start.
-VARIABLES = {'MALLOC_MMAP_THRESHOLD_': 268435456, 'MALLOC_TRIM_THRESHOLD_': 536870912, 'MALLOC_TOP_PAD_': 67108864}
-#: The same by mallopt(3): M_MMAP_THRESHOLD, M_TRIM_THRESHOLD, M_TOP_PAD.
-_MALLOPT = {-3: 268435456, -1: 536870912, -2: 67108864}
+VARIABLES = {'MALLOC_MMAP_THRESHOLD_': 268435456, 'MALLOC_TRIM_THRESHOLD_': 536870912, 'MALLOC_TOP_PAD_': 67108864,
+             'MALLOC_ARENA_MAX': 2}
+#: The same by mallopt(3): M_MMAP_THRESHOLD, M_TRIM_THRESHOLD, M_TOP_PAD, M_ARENA_MAX.
+_MALLOPT = {-3: 268435456, -1: 536870912, -2: 67108864, -8: 2}
 
 
 def tune_malloc() -> None:

@@ -28,7 +28,7 @@ ROOMS = ('geometry', 'preprocessing', 'flow_methods', 'ego_motion', 'optical_flo
          'detection', 'trajectories', 'tracking')
 #: Modules of the core outside of rooms that every room may import; all others put rooms together.
 FOUNDATION = ('errors', 'types', 'settings', 'config', 'regions', 'forgetting', 'periods', 'self_tuning',
-              'kernels')
+              'kernels', 'deferred', 'threads')
 
 MAX_MODULE_LINES, MAX_NODE_LINES, MAX_FUNCTION_LINES = 300, 150, 60
 

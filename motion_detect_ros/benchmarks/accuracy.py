@@ -64,7 +64,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument('clips', nargs='*', help='names of clips (default: all)')
     add_run_arguments(parser)
     parser.add_argument('--preset', metavar='NAME', help='name or YAML file, for all clips (default: each its own)')
-    parser.add_argument('--set', nargs='*', default=[], metavar='NAME=VALUE', help='settings on top of the presets')
+    add_settings(parser)
     parser.add_argument('--all-objects', action='store_true', help='want every labelled object, moving or not')
     parser.add_argument('--records', type=Path, default=RECORDS, metavar='FILE', help='JSON file of recorded runs')
     parser.add_argument('--record', metavar='NAME', help='append this run to the recorded ones')
@@ -81,6 +81,11 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--data', type=Path, default=Path(os.environ.get(DATA_VARIABLE, DATA_DEFAULT)),
                         metavar='DIR', help=f'folder with clips.json (default: {DATA_VARIABLE}, else {DATA_DEFAULT})')
     parser.add_argument('--jobs', type=int, default=2, metavar='N', help='processes (default: 2)')
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """``--set``, for ``read_changes``."""
+    parser.add_argument('--set', nargs='*', default=[], metavar='NAME=VALUE', help='settings on top of the presets')
 
 
 def read_changes(texts: Sequence[str]) -> dict[str, Any]:

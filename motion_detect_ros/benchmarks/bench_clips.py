@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -31,6 +29,7 @@ from motion_detect_ros.core.errors import BackendError
 from motion_detect_ros.core.load_control import STEPS
 from motion_detect_ros.core.pipeline import MotionPipeline, warm_up
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
+from motion_detect_ros.core.threads import limited, threads
 from motion_detect_ros.core.types import ByteArray, CameraModel, DoubleArray, PreparedFrame
 from motion_detect_ros.presets import load_preset
 
@@ -38,25 +37,42 @@ from motion_detect_ros.presets import load_preset
 CLIPS = ('visdrone_uav0000305_00000_v', 'visdrone_uav0000339_00001_v', 'uavdt_M1303', 'kitti_drive_0005')
 #: Frames at the start that are not timed: points are tracked over a second.
 WARM_FRAMES = 12
+_SOMETHING = np.zeros((512, 512), np.uint8)
 OURS, ONE_THREAD = 'ours', 'ours, one thread'
 
 
 @dataclass(frozen=True)
 class Cost:
-    """One way on one clip: wall and processor time of a frame, ms; the mean counts that not all frames are alike."""
+    """One way on one clip: time of a frame to its answer, ms; the mean counts that not all frames are alike.
+
+    ``ready``: mean until all that is done behind the answer is done too, as if nothing could be done meanwhile;
+    ``processor``: mean of all threads, that included.
+    """
 
     name: str
     mean: float
     p50: float
     p95: float
+    ready: float
     processor: float
 
     @classmethod
     def of(cls, name: str, times_ms: DoubleArray) -> Cost:
-        """times_ms: (N, 2) wall and processor time."""
+        """times_ms: (N, 3) to the answer, until ready, processor time."""
         p50, p95 = np.percentile(times_ms[:, 0], [50, 95]).tolist()
-        mean, processor = times_ms.mean(axis=0).tolist()
-        return cls(name, *(round(value, 2) for value in (mean, p50, p95, processor)))
+        mean, ready, processor = times_ms.mean(axis=0).tolist()
+        return cls(name, *(round(value, 2) for value in (mean, p50, p95, ready, processor)))
+
+
+@dataclass(frozen=True)
+class Way:
+    """``step``: answers a frame, by its index; ``wait``: for what it does behind that answer; ``opencv_threads``: how
+    many OpenCV has meanwhile, 0 = as many as there are.
+    """
+
+    step: Step
+    wait: Callable[[], object] = lambda: None
+    opencv_threads: int = 0
 
 
 class Plain:
@@ -106,37 +122,46 @@ def _costs(clip: Clip, frames: int) -> dict[str, Any]:
     methods: dict[str, Method] = {DIFFERENCE: ThreeFrameDifference()}
     if _there(CLUSTERER.require):
         methods[RESIDUALS] = ResidualClusters()
-    ways: dict[str, Step] = {OURS: _ours(config, source.camera, seen)}
-    ways |= {name: Plain(method, seen, config.preprocessing).step for name, method in methods.items()}
-    rows = _interleaved(ways, len(seen))
-    with _one_thread():
+    with limited(0):
+        ways: dict[str, Way] = {OURS: _ours(config, source.camera, seen)}
+    ways |= {name: Way(Plain(method, seen, config.preprocessing).step) for name, method in methods.items()}
+    with limited(0):
+        rows = _interleaved(ways, len(seen))
+    with limited(1):
         rows += _interleaved({ONE_THREAD: _ours(config, source.camera, seen)}, len(seen))
     for share in sorted({step.width_share for step in STEPS if step.width_share < 1.0}, reverse=True):
-        rows += _interleaved({f'ours, {share:.0%} of the width': _ours(config, source.camera, seen, share)}, len(seen))
+        with limited(0):
+            narrow = _ours(config, source.camera, seen, share)
+            rows += _interleaved({f'ours, {share:.0%} of the width': narrow}, len(seen))
     return {'clip': clip.name, 'size': f'{width}x{height}', 'rows': [vars(row) for row in rows]}
 
 
-def _ours(config: PipelineConfig, camera: CameraModel | None, frames: Frames, share: float = 1.0) -> Step:
+def _ours(config: PipelineConfig, camera: CameraModel | None, frames: Frames, share: float = 1.0) -> Way:
     pipeline = MotionPipeline(config, camera)
     pipeline.limit_width(share)
-    return lambda index: pipeline.process(*frames[index])
+    return Way(lambda index: pipeline.process(*frames[index]), pipeline.wait, cv2.getNumThreads())
 
 
-def _interleaved(ways: dict[str, Step], frames: int) -> list[Cost]:
+def _interleaved(ways: dict[str, Way], frames: int) -> list[Cost]:
     """Each way has its turn at every frame, and the order turns round."""
     names = list(ways)
-    times = np.zeros((len(names), frames, 2))
+    times = np.zeros((len(names), frames, 3))
     for index in range(frames):
         for turn in range(len(names)):
             which = (turn + index) % len(names)
-            times[which, index] = _elapsed_ms(partial(ways[names[which]], index))
+            times[which, index] = _elapsed_ms(ways[names[which]], index)
     return [Cost.of(name, times[which, WARM_FRAMES:]) for which, name in enumerate(names)]
 
 
-def _elapsed_ms(action: Callable[[], object]) -> Sequence[float]:
+def _elapsed_ms(way: Way, index: int) -> Sequence[float]:
+    cv2.setNumThreads(way.opencv_threads or threads())
+    cv2.blur(_SOMETHING, (3, 3))  # wakes threads that were not there for the way before
     wall, processor = time.perf_counter(), time.process_time()
-    action()
-    return 1e3 * (time.perf_counter() - wall), 1e3 * (time.process_time() - processor)
+    way.step(index)
+    answered = time.perf_counter()
+    way.wait()
+    ready = time.perf_counter()
+    return 1e3 * (answered - wall), 1e3 * (ready - wall), 1e3 * (time.process_time() - processor)
 
 
 def _there(require: Callable[[], None]) -> bool:
@@ -145,13 +170,3 @@ def _there(require: Callable[[], None]) -> bool:
     except BackendError:
         return False
     return True
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(threads)

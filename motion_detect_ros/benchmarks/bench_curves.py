@@ -142,6 +142,7 @@ def _point(x: float, config: PipelineConfig, frames: Frames) -> Point:
     for image, stamp_ns in frames:
         start = time.process_time()
         results.append(pipeline.process(image, stamp_ns))
+        pipeline.wait()
         processor.append(1e3 * (time.process_time() - start))
     results, processor = results[POINT_WARM:], processor[POINT_WARM:]
     ms = {name: round(float(np.median([getattr(result.times_ms, name) for result in results])), 3)

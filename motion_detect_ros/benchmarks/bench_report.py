@@ -10,6 +10,8 @@ from typing import Any
 
 import cv2
 
+from motion_detect_ros.benchmarks.bench_tried import TRIED
+
 #: What a 2-core companion computer should reach: whole pipeline by image size, ms, and shares and sums of the rest.
 GOALS_MS = {'640x360': 12.0, '960x540': 20.0, '1280x720': 35.0}
 FLOOR_GOAL, SPACE_GOAL = 1.5, 1.6
@@ -29,9 +31,12 @@ ABOUT = {
     'stages': '''Compute time of every stage, decoded frame to detections; processor: time of all threads together,
 which other load on the machine hardly changes. Median / 95th percentile, ms.''',
     'clips': '''The presets of the families on real clips, decoded frame to detections, beside two plain methods
-(`benchmarks.plain_methods`; KLT + DBSCAN needs scikit-learn) that take turns with them frame by frame. Wall and
-processor time, ms; not all frames cost the same, so means count. Widths: the steps of `load.adapt`. Needs
-`MOTION_DETECT_DATA`.''',
+(`benchmarks.plain_methods`; KLT + DBSCAN needs scikit-learn) that take turns with them frame by frame. Times to the
+answer, ms; not all frames cost the same, so means count. Until ready: with the preset `visdrone` flow is computed and
+objects are looked for behind the answer, for the next frame, in other threads; here every frame is waited for until
+that is done too, which at 25 Hz it is long before the next one. Frames that follow each other without a pause
+overlap; such a stream takes between the two. Processor: of all threads, all included. Widths: the steps of
+`load.adapt`. Needs `MOTION_DETECT_DATA`.''',
     'reported': '''The two tables of the report this project implements (its figures: with a graphics card) and ours,
 CPU only, on flights of the same image size with the preset of that name. Medians, ms.''',
     'floor': '''The whole pipeline against the OpenCV calls it cannot do without, at the same settings, called plainly,
@@ -50,8 +55,8 @@ events a second here (Intel Xeon, virtual machine), published 2737 for a Raspber
 (https://leoncode.co.uk/articles/raspberry-pi-benchmarks), so ratios of 1.1 and 2.1; an AMD EPYC with 4050 took
 about as long as this. It counts prime numbers by
 division and neither reads memory nor uses vector instructions, which is most of what a detector does, so it flatters
-small cores. Of further cores a second one helps most: two threads take 0.9 of the time of one
-(section Real clips). No other computer has been measured.''',
+small cores. Of further cores a second one helps most: with two threads the preset `visdrone`
+answers in half the time that one takes (section Real clips). No other computer has been measured.''',
     'curves': '''What a frame costs as its content grows. `x^b`: least squares of log time on log x. Objects: cars of
 43 pixels on 1600x900, found: those of the first ten frames. Neurons: ART2 alone on 30000 vectors. Cells: `grid_px` 16
 to 2 on the built-in flight. Processor: all threads together, which other load hardly changes.''',
@@ -61,11 +66,11 @@ converted, which takes longer.''',
 process that published it. Compute: sum of the medians that the nodes report themselves; beyond: what is left of the
 median latency, waiting for a busy stage included. All processes share the cores. Fast DDS profile and allocator
 settings as shipped (`bridge/transport.py`, `allocator.py`).''',
-    'transport_clip': '''The same with the pictures and the preset of the first of the real clips above, at 20 Hz. Not
-all frames cost the same: what is over the medians of the nodes waits for a dearer one before it. With `load.adapt` the
-node lowers the working width while images come faster than it works (its steps: section Real clips).''',
+    'transport_clip': '''The same with the pictures and the preset of the first of the real clips above, at 20 Hz. With
+`load.adapt` the node lowers the working width while images come faster than it works (its steps: section Real
+clips).''',
     'start': '''From the start of the process `pipeline` to its first message, while pictures come, and its memory
-then. The process that compiles the kernels, the first after an installation, keeps the compiler's memory.''',
+then. At the first start after an installation other processes compile the kernels, one for each core up to four.''',
     'memory': '''Resident memory of `pipeline`, fed with 960x540 at 20 Hz. Most of it is libraries. Of the size of an
 image it holds (preset `visdrone`, 25 Hz, `tracemalloc`) the grey images of the last second and their halves, 32 of each
 at most (26: 17 MB), the paths of the points (2.7 MB), a mask and a buffer of the flow (0.8 MB): 22 MB, as many after
@@ -77,66 +82,6 @@ out/soak/summary.json out/soak_real/summary.json`: `pipeline` under a steady str
 in a loop of 120 pictures. Memory after the first quarter and at the end; dropped: by the node, as its diagnostics
 count; lost: in transport.''',
 }
-
-#: Written by hand: trials are not part of a run.
-TRIED = '''## What pays, and what does not
-
-Measured when it was built or tried, on the clips named; accuracy that it costs or gains: [accuracy.md](accuracy.md).
-
-| pays | before | after |
-|---|---|---|
-| forward-backward check of the flow on its grid instead of every pixel (nine clips, frame) | 69 ms | 42 ms |
-| points: change at half the resolution, new ones in every second frame, fewer baselines (one thread, points only) \
-| 82 ms | 42 ms |
-| points: motion and clusters every 0.1 s (the same) | 42 ms | 21 ms |
-| flow every 0.1 s, in other frames than these (305, processor time of a frame) | 77 ms | 45 ms |
-| boxes of points fitted a frame after their clusters are found, where images come faster \
-than 22 Hz (95th percentile over median, two cores, 305 and `uavdt_M1303`, two runs in turn; the mean stays) \
-| 1.60 to 1.68, 1.60 to 1.62 | 1.20 to 1.26, 1.20 to 1.28 |
-| freed memory stays with the process (`allocator.py`; page faults, frame) | 7 ms | 0 ms |
-| check of flow by points, one box at a time (305, frame) | 1.4 ms | 0.4 ms |
-| points of the ego-motion that fail without a pyramid are let go where they are under 5 % (one thread, ego-motion of \
-305 / `uavdt_M1303`, two runs in turn; on KITTI more fail, nothing changes) | 9.0 / 9.8 ms | 8.2 / 8.6 ms |
-| OpenCV's threads told not to wait actively, which the package leaves to the user: \
-`OPENCV_THREAD_POOL_ACTIVE_WAIT_WORKER=0` and `..._MAIN=0` in the environment (305, two cores, processor time; the \
-frame 51 and 51 ms, three runs in turn; four nodes at 20 Hz 116 and 108 ms); not so on another day's machine: 65 and \
-62 ms, the frame 49 and 53 ms, KITTI 52 and 49 ms, the frame 36 and 39 ms | 75 ms | 62 ms |
-| window of the ego-motion's tracker 16 instead of 15 px, but for the preset `visdrone`: OpenCV handles 8 pixels of a \
-row at once, the rest one by one (KITTI, one thread, ego-motion; 305 would gain 1 to 3 of 11 to 14 ms) | 25 to 28 ms | \
-17 ms |
-| kernels fill arrays that their callers make, and have no wrapper for C (start of `pipeline` to its first message \
-where they are compiled first, and memory then; two runs in turn, quiet machine) | 8.9 to 9.5 s, 406 MB | 6.3 to \
-6.6 s, 367 MB |
-| what the start has freed is given back once (memory at that message) | 367 MB | 347 MB |
-| both (memory after 400 pictures, compiled first; preset `visdrone`) | 428 MB; 480 MB | 381 MB; 417 MB |
-
-| does not pay | |
-|---|---|
-| second half of a frame in a second thread, beside the first half of the next (305 live at 20 Hz) | 60 to 66 instead \
-of 68 ms between answers, but these 195 to 219 instead of 91 to 96 ms old; processor time of a frame 69 to 87 ms |
-| kernels compiled with less optimisation (`NUMBA_OPT=0`; before arrays were made outside of them) | 8.9 instead of \
-12.5 s, and slower for good: over two thirds are numba's own work in Python |
-| boxes of the points' clusters fitted in two threads (305, 28 clusters) | 23 instead of 22 ms: most of it holds \
-Python's lock |
-| `replay`: reading, both halves of the work and writing in threads of their own (305, forwards and backwards, 544 \
-frames, results the same; it stays) | 24.0 to 25.0 instead of 29.3 to 29.7 s, 1.2 times as fast, not the 1.6 hoped \
-for: OpenCV's threads fill both cores already, and with one of them Python's lock is in the way; several inputs at \
-once do better |
-| `replay`: the second half in a process of its own (the same) | 23.4 to 23.8 instead of 24.0 to 25.0 s: it is 41 of \
-68 ms, and frames have to be sent; from the ninth frame on results differ in the sixth digit |
-| neighbours of moving points by a distance transform instead of a k-d tree; errors of pictures by OpenCV's warps \
-instead of a kernel (305, M1303, one thread) | -1 to +1 of 54 and 63 ms; 0 to +1 ms |
-| one set of points for ego-motion and small objects | 4 to 5 of 60 ms of one thread, but see \
-[accuracy.md](accuracy.md#what-was-tried) |
-| places of new points: cells that did not change are left before their corners are looked at | 0.0 to 0.2 of 49 ms, \
-the same bytes |
-| smaller windows, fewer corners, longer intervals than these | 2 to 7 ms of 46, for 0.004 to 0.013 of mean F1 |
-
-What is left is spread thin. Of 61 ms a frame of 305 on one thread (cProfile, before the last line of the first table)
-Lucas and Kanade's tracker takes 21 %, DIS 9 %, corners and errors of pictures 4 % each, triangulation 3 %, ART2, warps
-and resizing 2 % each; the other half goes to 700 functions, none of them over 2 %, and much of it is the cost of
-calling NumPy on a few thousand points. The tracker, DIS and the corners alone are 20 ms.
-'''
 
 
 def machine() -> dict[str, Any]:
@@ -166,10 +111,11 @@ def _stages(stages: Mapping[str, list[dict[str, Any]]]) -> list[str]:
 def _clips(clips: list[dict[str, Any]]) -> list[str]:
     if not clips:
         return ['Not measured: no clips.']
-    return _table(('clip', '', 'mean, ms', 'median', 'p95', 'p95 / median', 'processor, mean'), (
+    return _table(('clip', '', 'mean, ms', 'median', 'p95', 'p95 / median', 'until ready, mean', 'processor, mean'), (
         (f'`{clip["clip"]}`, {clip["size"]}' if not place else '', row['name'],
          *(f'{row[name]:.1f}' for name in ('mean', 'p50', 'p95')), f'{row["p95"] / row["p50"]:.2f}',
-         f'{row["processor"]:.1f}') for clip in clips for place, row in enumerate(clip['rows'])))
+         *(f'{row[name]:.1f}' for name in ('ready', 'processor')))
+        for clip in clips for place, row in enumerate(clip['rows'])))
 
 
 def _reported(tables: list[dict[str, Any]]) -> list[str]:

@@ -6,7 +6,6 @@ import time
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 
 from motion_detect_ros.benchmarks.bench_timing import (
@@ -22,6 +21,7 @@ from motion_detect_ros.benchmarks.bench_timing import (
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import BackendError
 from motion_detect_ros.core.pipeline import MotionPipeline, warm_up
+from motion_detect_ros.core.threads import limited
 from motion_detect_ros.core.types import StageTimes
 from motion_detect_ros.presets import load_preset
 from motion_detect_ros.sources.synthetic import FlightConfig
@@ -56,6 +56,7 @@ def stage_times(config: PipelineConfig, frames: Frames) -> list[Timing]:
     for image, stamp_ns in frames:
         start = time.process_time()
         times.append(pipeline.process(image, stamp_ns).times_ms)
+        pipeline.wait()
         processor.append(1e3 * (time.process_time() - start))
     rows = [Timing.of(name, [getattr(each, name) for each in times[WARM_FRAMES:]]) for name in STAGE_NAMES]
     return [*rows, Timing.of('processor', processor[WARM_FRAMES:])]
@@ -71,9 +72,7 @@ def stages(preset: str, frames: int) -> dict[str, list[Timing]]:
 
 def one_thread(frames: int) -> list[dict[str, Any]]:
     """Stages of each of ``ONE_THREAD_PRESETS`` and the OpenCV floor, on one thread, 960x540 of the built-in flight."""
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
+    with limited(1):
         pictures, rows = flight(FlightConfig(frames=frames)), []
         for preset in ONE_THREAD_PRESETS:
             config = load_preset(preset)
@@ -82,8 +81,6 @@ def one_thread(frames: int) -> list[dict[str, Any]]:
             rows.append({'preset': preset, 'floor_ms': round(floor_ms, 2),
                          'ours_ms': [asdict(row) for row in stage_times(config, pictures)]})
         return rows
-    finally:
-        cv2.setNumThreads(threads)
 
 
 def reported(frames: int) -> list[dict[str, Any]]:

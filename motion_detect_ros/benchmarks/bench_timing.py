@@ -148,4 +148,9 @@ def background_times(config: PipelineConfig, frames: Frames) -> DoubleArray:
 
 def _stepper(config: PipelineConfig, frames: Frames) -> Step:
     pipeline = MotionPipeline(config)
-    return lambda index: pipeline.process(*frames[index])
+
+    def step(index: int) -> None:
+        pipeline.process(*frames[index])
+        pipeline.wait()
+
+    return step

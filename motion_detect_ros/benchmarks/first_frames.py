@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from motion_detect_ros.benchmarks.accuracy import add_run_arguments, read_changes
+from motion_detect_ros.benchmarks.accuracy import add_run_arguments, add_settings, read_changes
 from motion_detect_ros.benchmarks.accuracy_clips import IOUS, SHORT_WARM_UP_FRAMES, Clip, Job, in_processes, read_clips
 from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.generated import show
@@ -90,7 +90,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='first_frames', description=__doc__.partition('\n')[0])
     parser.add_argument('clips', nargs='*', metavar='CLIP', help='names (default: all)')
     add_run_arguments(parser)
-    parser.add_argument('--set', nargs='*', default=[], metavar='NAME=VALUE', help='settings on top of the presets')
+    add_settings(parser)
     parser.add_argument('--write', type=Path, metavar='FILE', help='put the table into this document, too')
     options = parser.parse_args(arguments)
     changes = read_changes(options.set)

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from motion_detect_ros.benchmarks.accuracy import add_run_arguments, read_changes
+from motion_detect_ros.benchmarks.accuracy import add_run_arguments, add_settings, read_changes
 from motion_detect_ros.benchmarks.accuracy_clips import ClipRun, Job, complete_clips, in_processes, results
 from motion_detect_ros.benchmarks.accuracy_pictures import verdicts
 from motion_detect_ros.benchmarks.command import reports_errors
@@ -130,7 +130,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='recall_table', description='Recall on real clips by size and own speed.')
     parser.add_argument('clips', nargs='*', help='names of clips (default: all that are completely labelled)')
     add_run_arguments(parser)
-    parser.add_argument('--set', nargs='*', default=[], metavar='NAME=VALUE', help='settings on top of the presets')
+    add_settings(parser)
     parser.add_argument('--each', action='store_true', help='a table for each clip, too')
     parser.add_argument('--write', type=Path, metavar='FILE', help='put the tables into this document, too')
     options = parser.parse_args(arguments)

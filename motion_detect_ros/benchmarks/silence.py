@@ -19,7 +19,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from motion_detect_ros.benchmarks.accuracy import read_changes
+from motion_detect_ros.benchmarks.accuracy import add_settings, read_changes
 from motion_detect_ros.benchmarks.accuracy_clips import in_processes
 from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.generated import show
@@ -96,7 +96,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--seeds', type=int, default=SEEDS, metavar='N', help=f'flights a preset (default: {SEEDS})')
     parser.add_argument('--frames', type=int, default=FRAMES, metavar='N', help=f'of each flight (default: {FRAMES})')
     parser.add_argument('--preset', nargs='+', default=list(PRESETS), metavar='NAME', help='presets to fly with')
-    parser.add_argument('--set', nargs='*', default=[], metavar='NAME=VALUE', help='settings on top of the presets')
+    add_settings(parser)
     parser.add_argument('--jobs', type=int, default=2, metavar='N', help='processes (default: 2)')
     parser.add_argument('--write', type=Path, metavar='FILE', help='put the table into this document, too')
     options = parser.parse_args(arguments)

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from motion_detect_ros.benchmarks.accuracy import add_run_arguments, read_changes
+from motion_detect_ros.benchmarks.accuracy import add_run_arguments, add_settings, read_changes
 from motion_detect_ros.benchmarks.accuracy_clips import ClipRun, Job, complete_clips, run_jobs
 from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.generated import show
@@ -37,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='tracking', description='HOTA, IDF1 and id switches on real clips.')
     parser.add_argument('clips', nargs='*', help='names of clips (default: all that are completely labelled)')
     add_run_arguments(parser)
-    parser.add_argument('--set', nargs='*', default=[], metavar='NAME=VALUE', help='settings on top of the presets')
+    add_settings(parser)
     parser.add_argument('--all-objects', action='store_true', help='want every labelled object, moving or not')
     parser.add_argument('--write', type=Path, metavar='FILE', help='put the table into this document, too')
     options = parser.parse_args(arguments)

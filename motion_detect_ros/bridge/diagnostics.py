@@ -24,6 +24,8 @@ SILENT_PERIODS = 3.0
 RECENT_S = 3.0
 #: Images come, but none could be used for so long: a warning, an error, seconds.
 BLIND_WARN_S, BLIND_ERROR_S = 2.0, 5.0
+#: Key of how many subscriptions a publisher of the node has found, with the topic's name behind it.
+SUBSCRIBERS_OF = 'subscribers of '
 
 
 @dataclass(frozen=True)

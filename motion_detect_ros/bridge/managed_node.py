@@ -16,7 +16,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from motion_detect_ros.bridge.console import endpoints
-from motion_detect_ros.bridge.diagnostics import Condition, Reporter, StageStats
+from motion_detect_ros.bridge.diagnostics import SUBSCRIBERS_OF, Condition, Reporter, StageStats
 from motion_detect_ros.bridge.params import LiveParameters, declare_simple, unknown_parameters
 from motion_detect_ros.bridge.qos import best_effort, diagnostics_qos, incompatibility, overridable
 from motion_detect_ros.core.errors import SourceError
@@ -239,7 +239,11 @@ class ManagedNode(LifecycleNode):
         """Publish ``/diagnostics`` now."""
         stamp = self.get_clock().now().to_msg()
         self._reports.publish(self._reporter.report(
-            time.monotonic_ns(), self._judged(), stamp, self.extra_diagnostics()))
+            time.monotonic_ns(), self._judged(), stamp, (*self.extra_diagnostics(), *self._subscribers())))
+
+    def _subscribers(self) -> tuple[tuple[str, str], ...]:
+        return tuple((f'{SUBSCRIBERS_OF}{publisher.topic_name}', str(publisher.get_subscription_count()))
+                     for publisher in self._publishers_made)
 
     def _watch(self) -> None:
         while self._to_relax:

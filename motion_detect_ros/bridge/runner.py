@@ -6,7 +6,9 @@ import os
 import signal
 import sys
 import threading
+import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from types import FrameType
 
 import rclpy
@@ -17,6 +19,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from motion_detect_ros.allocator import tune_malloc
+from motion_detect_ros.bridge.exit_timer import exits_after
 from motion_detect_ros.bridge.managed_node import ManagedNode
 from motion_detect_ros.bridge.shared_memory import remove_dead_segments
 from motion_detect_ros.core.errors import MotionDetectError
@@ -25,9 +28,12 @@ from motion_detect_ros.sources.secrets import masked
 #: Longest round of the executor in which nothing happens, seconds.
 ROUND_S = 0.5
 #: Exit codes.
-FORCED, WRONG_USE = 1, 2
+FAILED, FORCED, WRONG_USE = 1, 1, 2
 #: Ending takes as long as blocked threads are waited for, about 10 s; over this it is given up, seconds.
-ENDING_TIMEOUT_S = 20.0
+ENDING_TIMEOUT_S = 15.0
+#: How long telling the other nodes of the end may take. A node that is done ends all the same: they miss it by its
+#: lease, 20 s later, seconds.
+LEAVING_TIMEOUT_S = 5.0
 #: Ctrl-C on ros2 launch sends two: the terminal's to the whole process group, and launch's own.
 PATIENT_SIGNALS = 2
 #: Functions (part of the module's path, name; empty = all) that no exception may leave, and when to try again where a
@@ -93,19 +99,23 @@ def _unbroken(frame: FrameType | None) -> bool:
 def run(make_node: Callable[[], ManagedNode]) -> int:
     """Spins the node until it is finished or told to stop; returns the process's exit code.
 
-    0 after SIGINT or SIGTERM or a finished job, 2 with one line on stderr for wrong parameters or input. Ends the
-    process itself with code FORCED at a third signal, or where ending takes ENDING_TIMEOUT_S.
+    0 after SIGINT or SIGTERM or a finished job, 2 with one line on stderr for wrong parameters or input, FAILED after
+    another error, which is printed. Ends the process itself, with code FORCED at a third signal or where ending takes
+    ENDING_TIMEOUT_S, with the code above where only leaving the network takes LEAVING_TIMEOUT_S.
     """
     tune_malloc()
-    stop = StopRequest()
+    stop, code = StopRequest(), FAILED
     try:
         stop.armed = True
-        return _run(make_node, stop)
+        code = _run(make_node, stop)
     except Stopped:
-        return 0
+        code = 0
+    except Exception:  # told before leaving, which may be for good
+        traceback.print_exc()
     finally:
         stop.armed = False
-        _finish(stop.node)
+        _finish(stop.node, code)
+    return code
 
 
 def _run(make_node: Callable[[], ManagedNode], stop: StopRequest) -> int:
@@ -161,27 +171,32 @@ def run_plain(make_node: Callable[[], Node]) -> None:
 
     With ``rclpy.spin`` the signal also raises KeyboardInterrupt, anywhere: in the midst of taking a message it comes
     out as RuntimeError. Here the signal ends the context only, and the executor returns when what it does is done.
+    Ends the process itself where leaving takes LEAVING_TIMEOUT_S.
 
-    Raises:
-        Exception: what rclpy says of wrong --ros-args, and what the node raised before it was told to stop.
-
+    Raises: what rclpy says of wrong --ros-args; SystemExit with code FAILED after an error of the node, which is
+    printed, before it was told to stop.
     """
+    signals: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: None)
+        signal.signal(number, lambda number, _: signals.append(number))
     rclpy.init()
-    node = None
+    node, code = None, FAILED
     try:
         node = make_node()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        spin(executor, Future())
+        if not signals:  # one from before rclpy was there to see it has ended nothing
+            spin(executor, Future())
+        code = 0
     except Exception:
         if rclpy.ok():
-            raise
+            traceback.print_exc()
+        else:
+            code = 0
     finally:
-        if node is not None:
-            node.destroy_node()
-        end_context()
+        _leave(node, code)
+    if code:
+        sys.exit(code)
 
 
 def end_context() -> None:
@@ -198,17 +213,23 @@ def _complain(error: Exception) -> int:
     return WRONG_USE
 
 
-def _finish(node: ManagedNode | None) -> None:
-    limit = threading.Timer(ENDING_TIMEOUT_S, os._exit, (FORCED,))
-    limit.daemon = True
-    limit.start()
+def _finish(node: ManagedNode | None, code: int) -> None:
     try:
-        if node is not None:
-            node.close()
-            node.destroy_node()
-        end_context()
+        with exits_after(ENDING_TIMEOUT_S, FORCED):
+            if node is not None:
+                node.close()
+        _leave(node, code)
     finally:
         for number in (signal.SIGINT, signal.SIGTERM):  # nothing is left to interrupt but Python's own end
             signal.signal(number, signal.SIG_IGN)
-        limit.cancel()
-        limit.join()
+
+
+def _leave(node: Node | None, code: int) -> None:
+    """Take the node off the network; ends the process with ``code`` where that takes LEAVING_TIMEOUT_S."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(AttributeError, OSError, ValueError):  # there may be none, or nobody who reads
+            stream.flush()
+    with exits_after(LEAVING_TIMEOUT_S, code):
+        if node is not None:
+            node.destroy_node()
+        end_context()

@@ -27,14 +27,15 @@ from motion_detect_ros.bridge.qos import image_qos, overridable
 from motion_detect_ros.bridge.sync import ExactJoin
 from motion_detect_ros.bridge.topics import CAMERA_INFO, FLOW, Topic
 from motion_detect_ros.bridge.worker import Worker
-from motion_detect_ros.core.compilation import compilation_told
 from motion_detect_ros.core.errors import MessageError, MotionDetectError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
-from motion_detect_ros.core.pipeline import use_threads, warm_up
+from motion_detect_ros.core.pipeline import warm_up
 from motion_detect_ros.core.reconfiguration import structural_changes
 from motion_detect_ros.core.settings import Scalar, settings, with_settings
 from motion_detect_ros.core.stamp_order import REORDER_S, Verdict
+from motion_detect_ros.core.threads import use
 from motion_detect_ros.core.types import CameraModel, EgoMotion
+from motion_detect_ros.kernel_compiler import warm_up_ahead
 from motion_detect_ros.sources.encoding import ImageDecoder
 from motion_detect_ros.sources.secrets import reason_of
 
@@ -106,9 +107,8 @@ class StageNode(ManagedNode):
 
     def open(self) -> None:
         """Warm kernels, publishers, stage."""
-        use_threads(self.config.load)
-        with compilation_told(self._tell_compilation):
-            warm_up(self.config, self.detects)
+        use(self.config.load.threads)
+        warm_up_ahead(self.config, self.detects, self._tell_compilation)
         give_back()
         self._camera_in_use = None
         self.make_stage()

@@ -86,6 +86,8 @@ class LiveGraph:
                 self._processes[node] = self._spawn(node, self._params)
             self._await(lambda: self.planner.subscribers_of(self._image_topic) >= len(self._nodes))
             self._await(lambda: self.planner.publishers_of('detections') >= 1)
+            # What a stage publishes before it has found the next one is lost.
+            self._await(lambda: all(self.planner.connected(f'/{node}') for node in self._nodes))
             self._stack = stack.pop_all()
         return self
 

@@ -12,8 +12,9 @@ import rclpy
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
+from motion_detect_ros.bridge.diagnostics import SUBSCRIBERS_OF
 from motion_detect_ros.bridge.images import stamp_ns
-from motion_detect_ros.bridge.topics import CLOCK, DETECTIONS
+from motion_detect_ros.bridge.topics import CLOCK, DETECTIONS, DIAGNOSTICS
 from motion_detect_ros.core.types import RecordArray
 
 
@@ -39,12 +40,14 @@ class Planner:
         self._node = rclpy.create_node('planner', namespace=namespace, context=self._context)
         self._node.create_subscription(DETECTIONS.kind, DETECTIONS.name, self._on_detections, 100)
         self._node.create_subscription(CLOCK.kind, CLOCK.name, self._on_clock, CLOCK.qos())
+        self._node.create_subscription(DIAGNOSTICS.kind, DIAGNOSTICS.name, self._on_diagnostics, DIAGNOSTICS.qos())
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._changed = threading.Condition()
         self._clock_of: dict[int, int] = {}
         self._shown_ns: dict[int, int] = {}
         self._received: list[Received] = []
+        self._found: dict[str, dict[str, int]] = {}
         self._thread = threading.Thread(target=self._spin, name='planner', daemon=True)
 
     def __enter__(self) -> Planner:
@@ -89,6 +92,12 @@ class Planner:
         """Publishers that the graph shows on a topic."""
         return int(self._node.count_publishers(topic))
 
+    def connected(self, node: str) -> bool:
+        """Whether a node has said that its publishers have found all subscriptions that the graph shows."""
+        with self._changed:
+            found = self._found.get(node, {})
+        return bool(found) and all(count >= self.subscribers_of(topic) for topic, count in found.items())
+
     def _spin(self) -> None:
         try:
             self._executor.spin()
@@ -98,6 +107,13 @@ class Planner:
     def _on_clock(self, msg: Any) -> None:
         with self._changed:
             self._shown_ns[CLOCK.from_msg(msg)] = time.monotonic_ns()
+
+    def _on_diagnostics(self, msg: Any) -> None:
+        found = {status.name: {pair.key.removeprefix(SUBSCRIBERS_OF): int(pair.value)
+                               for pair in status.values if pair.key.startswith(SUBSCRIBERS_OF)}
+                 for status in msg.status}
+        with self._changed:
+            self._found.update(found)
 
     def _on_detections(self, msg: Any) -> None:
         now_ns, stamp = time.monotonic_ns(), stamp_ns(msg.header)

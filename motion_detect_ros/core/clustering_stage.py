@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from motion_detect_ros.core.background.selection import BackgroundSelector
 from motion_detect_ros.core.clustering.clusterer import Clusterer
 from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.deferred import LATER_S, Deferred
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.detector import MotionDetector
 from motion_detect_ros.core.detection.last_flow import LastFlow
@@ -38,7 +41,10 @@ STARTS_ANEW = (EgoStatus.FIRST_FRAME, EgoStatus.TIME_JUMP, EgoStatus.SIZE_CHANGE
 class ClusteringStage:
     """Separates moving objects from the background in one frame's flow and tracks them over frames.
 
-    clusterer: replaces the ART2 that ``config`` describes; first_id: as for ``Tracker``; point_score: of small objects.
+    ``neurons``: committed ART2 neurons, the background's included; ``tuned``: settings in use that ``self_tuning`` may
+    have changed. Where points are tracked too, the objects of a flow are looked for behind the answer, like theirs, if
+    there are earlier ones to go on with (``flow_is_behind``): a flow that is pending is computed there. clusterer:
+    replaces the ART2 that ``config`` describes; first_id: as for ``Tracker``; point_score: of small objects.
     """
 
     def __init__(
@@ -48,10 +54,12 @@ class ClusteringStage:
         self.camera = camera
         self._clusterer, self._point_score = clusterer, point_score
         self._tracker = Tracker(config.tracks, first_id)
+        self._behind = Deferred[list[Candidate] | None]('flow_objects')
         self.restart(config)
 
     def restart(self, config: PipelineConfig) -> None:
         """Any settings, without any history; ids go on counting."""
+        self._behind.drop()
         self._config = config
         self._scene = BackgroundSelector(config.background, config.self_tuning)
         self._detector = MotionDetector(config, self._clusterer)
@@ -60,36 +68,36 @@ class ClusteringStage:
         self._tracker.use_config(config.tracks)
         self._tracker.reset()
         self._last: PreparedFrame | None = None
+        self.flow_is_behind = False
+        self._note()
 
     def use_config(self, config: PipelineConfig) -> None:
         """Settings from the next frame on that keep history (``core.reconfiguration``)."""
+        self._behind.wait()
         self._config = config
         self._scene.use_config(config.background)
         self._detector.use_config(config)
         if self._trajectories is not None:
             self._trajectories.use_config(config)
         self._tracker.use_config(config.tracks)
-
-    @property
-    def neurons(self) -> int:
-        """Committed ART2 neurons, the background's included."""
-        return self._detector.neurons
-
-    @property
-    def tuned(self) -> Tuned:
-        """The settings in use that ``self_tuning`` may have changed."""
-        art2 = self._detector.art2
-        return Tuned(self._scene.noise_floor_px, art2.initial_neurons, art2.max_neurons)
+        self._note()
 
     def reset(self) -> None:
         """Clear earlier frames, neurons and tracks; ids go on counting."""
-        self._scene.reset()
-        self._detector.reset()
-        self._last_flow.reset()
+        self._behind.drop()
+        for part in (self._scene, self._detector, self._last_flow):
+            part.reset()
         if self._trajectories is not None:
             self._trajectories.reset()
         self._tracker.reset()
         self._last = None
+        self._note()
+
+    def wait(self) -> None:
+        """Until what is done behind the last frame is done; ``process`` does so itself."""
+        self._behind.wait()
+        if self._trajectories is not None:
+            self._trajectories.wait()
 
     def process(
         self, frame: PreparedFrame, ego: EgoMotion, reference: ReferenceFrame | None, flow: FlowField,
@@ -98,23 +106,48 @@ class ClusteringStage:
 
         ego: motion into ``frame``; reference: what ``FrameHistory`` returns for it; flow: from there into ``frame``.
         """
+        self.flow_is_behind = False
+        found = self._behind.take()  # before anything else changes, as it may raise
+        if self._trajectories is not None:
+            self._trajectories.take()
+        if found is not None:
+            self._last_flow.replaced_late(found)
+            self._note()
+        if not self._can_wait(ego):
+            flow.settle()  # as that may raise, too
         last, self._last = self._last, frame
         if ego.status in STARTS_ANEW or (last is not None and _unlike(last, frame)):
             for part in (self._scene, self._detector, self._last_flow, self._tracker):
                 part.reset()
         elif last is not None:
             self._continue(last, frame, ego)
-        from_points = self._from_points(frame, ego)
-        carried = self._last_flow.carried(ego)
+        from_flow = self._last_flow.carried(ego)
         if reference is None:
+            self._from_points(frame, ego)
             self._tracker.coast(ego.matrix if ego.ok else None, ego.dt_s, frame.width, frame.height)
             return empty_detections()
-        from_flow = carried
-        if flow.measured or not self._config.optical_flow.every_s:
-            from_flow = self._last_flow.replaced(self._candidates(frame, reference, flow, self._last_flow.age_s))
+        due = flow.pending or flow.measured or not self._config.optical_flow.every_s
+        look = partial(self._found, frame, reference, flow, self._last_flow.age_s,
+                       self._camera_of(flow.width, flow.height))
+        later = self._can_wait(ego)
+        from_points = self._from_points(frame, ego)
+        if due and later:
+            self.flow_is_behind = self._behind.start(look)
+        elif due and (found := look()) is not None:
+            from_flow = self._last_flow.replaced(found)
+            self._note()
         candidates = united(from_flow, from_points, MAX_SIDE_SHARE * frame.width)
         records = self._tracker.step(candidates, ego.matrix, ego.dt_s, frame.width, frame.height, frame.gray)
         return bearings(records, self.camera and self.camera.resized(frame.width, frame.height))
+
+    def _can_wait(self, ego: EgoMotion) -> bool:
+        """Whether the answer can do without the objects of a new flow."""
+        return self._trajectories is not None and not self._last_flow.empty and ego.dt_s <= LATER_S
+
+    def _note(self) -> None:
+        art2 = self._detector.art2
+        self.neurons = self._detector.neurons
+        self.tuned = Tuned(self._scene.noise_floor_px, art2.initial_neurons, art2.max_neurons)
 
     def _continue(self, last: PreparedFrame, frame: PreparedFrame, ego: EgoMotion) -> None:
         if last.gray.shape != frame.gray.shape:  # only the working resolution has changed
@@ -124,18 +157,26 @@ class ClusteringStage:
             self._last_flow.reset()
             self._tracker.coast_without_frame((ego.prev_stamp_ns - last.stamp_ns) / NANOSECONDS, frame.width)
 
-    def _candidates(
-        self, frame: PreparedFrame, reference: ReferenceFrame, flow: FlowField, dt_s: float,
-    ) -> list[Candidate]:
-        residual = residual_flow(flow.flow, reference.matrix, flow.width, flow.height)
-        if frame.mask is not None:
-            residual[~scene_cells(frame.mask, reference.matrix, frame.scale, *residual.shape[:2])] = np.nan
-        background = self._scene.fit(flow.flow, residual, self._camera_of(flow.width, flow.height), dt_s)
-        found = self._detector.candidates(flow, residual, background, frame, reference, dt_s)
+    def _found(
+        self, frame: PreparedFrame, reference: ReferenceFrame, flow: FlowField, dt_s: float, camera: CameraModel,
+    ) -> list[Candidate] | None:
+        """Moving objects of a flow; None where nothing of it is known, which is as if there were none."""
+        if self._config.optical_flow.every_s and not flow.measured:
+            return None
+        found = self._candidates(frame, reference, flow, dt_s, camera)
         if self._trajectories is None:
             return found
         moving = self._trajectories.without_standing(found, frame.scale)
         return self._trajectories.without_shadows(moving, frame.scale)
+
+    def _candidates(
+        self, frame: PreparedFrame, reference: ReferenceFrame, flow: FlowField, dt_s: float, camera: CameraModel,
+    ) -> list[Candidate]:
+        residual = residual_flow(flow.flow, reference.matrix, flow.width, flow.height)
+        if frame.mask is not None:
+            residual[~scene_cells(frame.mask, reference.matrix, frame.scale, *residual.shape[:2])] = np.nan
+        background = self._scene.fit(flow.flow, residual, camera, dt_s)
+        return self._detector.candidates(flow, residual, background, frame, reference, dt_s)
 
     def _from_points(self, frame: PreparedFrame, ego: EgoMotion) -> list[Candidate]:
         if self._trajectories is None:

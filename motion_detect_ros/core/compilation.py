@@ -1,4 +1,4 @@
-"""Telling that kernels are being compiled, which takes up to a minute, once after an installation."""
+"""Telling that kernels are being compiled, which takes up to a minute, once after an installation; or refusing it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from numba.core import event
+
+from motion_detect_ros.core.errors import MotionDetectError
 
 #: What numba calls the compilation of one function; what it loads from its cache is none.
 _COMPILE = 'numba:compile'
@@ -24,12 +26,36 @@ class _Counter(event.Listener):
         pass
 
 
+class NotCachedError(MotionDetectError):
+    """A kernel would have to be compiled."""
+
+
+class _Refuser(event.Listener):
+    def on_start(self, _event: event.Event) -> None:
+        raise NotCachedError('a kernel is not in the cache')
+
+    def on_end(self, _event: event.Event) -> None:
+        pass
+
+
 @contextmanager
-def compilation_told(tell: Callable[[int], None]) -> Iterator[None]:
-    """Calls ``tell(number)`` as the compilation of each kernel begins, numbered from 1."""
-    counter = _Counter(tell)
-    event.register(_COMPILE, counter)  # type: ignore[no-untyped-call]
+def _listening(listener: event.Listener) -> Iterator[None]:
+    event.register(_COMPILE, listener)  # type: ignore[no-untyped-call]
     try:
         yield
     finally:
-        event.unregister(_COMPILE, counter)  # type: ignore[no-untyped-call]
+        event.unregister(_COMPILE, listener)  # type: ignore[no-untyped-call]
+
+
+@contextmanager
+def only_cached() -> Iterator[None]:
+    """Raises: NotCachedError instead of compiling, in any thread."""
+    with _listening(_Refuser()):
+        yield
+
+
+@contextmanager
+def compilation_told(tell: Callable[[int], None]) -> Iterator[None]:
+    """Calls ``tell(number)`` as the compilation of each kernel begins, numbered from 1."""
+    with _listening(_Counter(tell)):
+        yield

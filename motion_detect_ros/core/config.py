@@ -273,8 +273,8 @@ class LoadConfig:
     adapt: bool = setting(
         False, 'less work by known steps while images take longer than their period; node pipeline only')
     threads: int = setting(
-        0, 'threads of OpenCV, 0 = as many as there are cores; with 1 backward flow follows forward flow',
-        low=0, high=256)
+        0, 'threads that work on a frame, 0 = as many as there are cores; with 1 nothing is done side by side or '
+        'behind an answer', low=0, high=256)
 
     def __post_init__(self) -> None:
         if self.decimation_keep > self.decimation_of:

@@ -15,6 +15,14 @@ import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.serialize import dumps
 
+#: Kernels without a place for a cache.
+_uncached: list[str] = []
+
+
+def can_be_cached() -> bool:
+    """Whether there is a place where compiled kernels can be kept, for all of those that have been imported."""
+    return not _uncached
+
 
 def kernel(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Decorator: compiled at the first call, without the GIL, cached.
@@ -24,8 +32,10 @@ def kernel(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """
     def compiled(function: Callable[..., Any]) -> Any:
         dispatcher = numba.njit(nogil=True, no_cfunc_wrapper=True, **options)(function)  # type: ignore[call-overload]
-        with suppress(RuntimeError):  # no folder can be written, neither here nor in the user's home
+        try:
             dispatcher._cache = _ForgivingCache(function)  # type: ignore[no-untyped-call]
+        except RuntimeError:  # no folder can be written, neither here nor in the user's home
+            _uncached.append(function.__name__)
         return dispatcher
 
     return compiled

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from time import perf_counter
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
+from motion_detect_ros.core.background import static_points
 from motion_detect_ros.core.clustering_stage import ClusteringStage
-from motion_detect_ros.core.config import LoadConfig, PipelineConfig
+from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
 from motion_detect_ros.core.geometry.frame_history import FrameHistory, ReferenceFrame
 from motion_detect_ros.core.optical_flow.stage import OpticalFlowStage
@@ -30,8 +30,9 @@ from motion_detect_ros.core.types import (
 
 #: Minimum width of the warm-up images; they are shrunk like any other.
 MIN_WARM_UP_PX = 480
-#: Number of warm-up images: the object is detected from the second on, and reported from the third on.
-WARM_UP_FRAMES = 5
+#: Number of warm-up images: the object is detected from the second on, reported from the third on, and found by its
+#: points from the ninth on; in the one after the next they are carried on.
+WARM_UP_FRAMES = 11
 
 
 @dataclass(frozen=True)
@@ -81,30 +82,42 @@ class MotionPipeline:
         image: (H, W) or (H, W, 3) uint8, grey or BGR; stamp_ns: time of exposure, nanoseconds.
         Raises: FrameError for an image that cannot be processed; the state is unchanged then.
         """
-        return self.detect(self.measure(image, stamp_ns))
+        result = self.detect(self.measure(image, stamp_ns, later=True))
+        self._ego_motion.look_ahead()
+        return result
 
-    def measure(self, image: npt.NDArray[np.uint8], stamp_ns: int) -> Measured:
+    def measure(self, image: npt.NDArray[np.uint8], stamp_ns: int, later: bool = False) -> Measured:
         """The first half of ``process``, preprocessing to flow; another thread may do the second of the frame before.
 
-        Raises: FrameError as ``process``.
+        later: the flow is computed by the second half, maybe behind its answer, unless the next flow depends on it
+        (``full_every``), and nothing is done for the next frame. Raises: FrameError as ``process``.
         """
         start = perf_counter()
         frame = self._preprocessor.process(image, stamp_ns)
         prepared = perf_counter()
         ego = self._ego_motion.process(frame)
+        if not later:
+            self._ego_motion.look_ahead()
         ego_done = perf_counter()
         reference = self._history.step(frame, ego)
-        flow = self._optical_flow.process(frame, ego, reference)
+        flow = self._optical_flow.process(frame, ego, reference, later)
         return Measured(frame, ego, reference, flow, StageTimes(
             1e3 * (prepared - start), 1e3 * (ego_done - prepared), 1e3 * (perf_counter() - ego_done)))
 
     def detect(self, measured: Measured) -> Result:
         """The second half: clustering and tracks. Frames in their order."""
         start = perf_counter()
-        ego, flow = measured.ego, measured.flow
+        ego, flow, times, pending = measured.ego, measured.flow, measured.times_ms, measured.flow.pending
         detections = self._clustering.process(measured.frame, ego, measured.reference, flow)
-        times = replace(measured.times_ms, clustering=1e3 * (perf_counter() - start))
+        flow_ms = flow.took_ms if pending and not self._clustering.flow_is_behind else 0.0
+        times = replace(times, optical_flow=times.optical_flow + flow_ms,
+                        clustering=1e3 * (perf_counter() - start) - flow_ms)
         return Result(measured.frame.stamp_ns, ego, flow, detections, times)
+
+    def wait(self) -> None:
+        """Until what is done behind the answer to the last frame is done; the next frame waits for it by itself."""
+        self._ego_motion.wait()
+        self._clustering.wait()
 
     def add_gyro(self, stamp_ns: int, rate: DoubleArray) -> None:
         """An angular rate, (3,) rad/s in the IMU's frame, in order of time: see ``EgoMotionStage.add_gyro``."""
@@ -127,6 +140,7 @@ class MotionPipeline:
 
         Raises: BackendError for what is not in this installation; what ``config`` was holds on.
         """
+        self.wait()
         structural = bool(structural_changes(self.config, config))
         if structural:
             MotionPipeline(config)  # raises before anything is changed
@@ -140,21 +154,12 @@ class MotionPipeline:
 
     def reset(self) -> None:
         """Clear every earlier frame, cluster and track; ids go on counting, none is used twice."""
+        self.wait()
         self._preprocessor.reset()
         self._ego_motion.reset()
         self._history.reset()
         self._optical_flow.reset()
         self._clustering.reset()
-
-
-def use_threads(config: LoadConfig) -> None:
-    """Set the number of OpenCV's threads in this process; 0 leaves OpenCV's default.
-
-    The kernels of this package are single-threaded; backward flow runs in a thread of its own unless OpenCV has
-    only one (``OpticalFlowStage``).
-    """
-    if config.threads:
-        cv2.setNumThreads(config.threads)
 
 
 def warm_up(config: PipelineConfig, detection: bool = True) -> None:
@@ -168,11 +173,15 @@ def warm_up(config: PipelineConfig, detection: bool = True) -> None:
     width = max(MIN_WARM_UP_PX, config.preprocessing.max_width_px)
     random = np.random.default_rng(0)
     ground = random.integers(0, 255, (width * 9 // 16, width), np.uint8)
-    thing = random.integers(0, 255, (40, 40), np.uint8)
+    thing, small = random.integers(0, 255, (40, 130), np.uint8), random.integers(0, 255, (40, 40), np.uint8)
+    thing[:, 30:100] = 128  # a plain body with points at its ends
     for index in range(WARM_UP_FRAMES):
         image = ground.copy()
         left = 40 + 6 * index
-        image[60:100, left:left + 40] = thing
+        image[60:100, left:left + 130] = thing
+        image[140:180, left:left + 40] = small  # goes further than its length: shadows are looked for
         measured = pipeline.measure(image, (index + 1) * NANOSECONDS // 25)
         if detection:
             pipeline.detect(measured)
+    if detection and config.background.model != 'planar':
+        static_points.warm_up()

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from threading import Lock
+from time import perf_counter
 
 import numpy as np
 import numpy.typing as npt
@@ -178,9 +181,8 @@ class EgoMotion:
         return self.status == EgoStatus.OK
 
 
-@dataclass(frozen=True)
 class FlowField:
-    """Dense optical flow on a grid.
+    """Dense optical flow on a grid, known or to be computed where it is first asked for.
 
     ``flow``: (gh, gw, 2) float32, total displacement (dx, dy) in full-resolution pixels from the earlier frame
     to the frame of ``stamp_ns``, sampled on the later frame's grid; NaN = invalid.
@@ -188,10 +190,40 @@ class FlowField:
     sy = height / gh.
     """
 
-    flow: FloatArray
-    width: int
-    height: int
-    stamp_ns: int
+    def __init__(
+        self, flow: FloatArray | Callable[[], FloatArray], width: int, height: int, stamp_ns: int,
+    ) -> None:
+        """flow: or what computes it, called once, whether or not it raises."""
+        self._flow = flow
+        self._error: Exception | None = None
+        self._lock = Lock()
+        self.width, self.height, self.stamp_ns = width, height, stamp_ns
+        self.took_ms = 0.0
+
+    @property
+    def flow(self) -> FloatArray:
+        """The displacements; any thread may ask. Raises: what computing them raises."""
+        return self.settle()
+
+    def settle(self) -> FloatArray:
+        """Compute it, where it is pending, and other threads wait; ``took_ms``: how long that took, ms."""
+        with self._lock:
+            if self._error is not None:
+                raise self._error
+            if callable(self._flow):
+                start = perf_counter()
+                try:
+                    self._flow = self._flow()
+                except Exception as error:
+                    self._error = error
+                    raise
+                self.took_ms = 1e3 * (perf_counter() - start)
+            return self._flow
+
+    @property
+    def pending(self) -> bool:
+        """Whether it is yet to be computed."""
+        return callable(self._flow)
 
     @property
     def measured(self) -> bool:
@@ -201,7 +233,7 @@ class FlowField:
 
 @dataclass(frozen=True)
 class StageTimes:
-    """Compute time of each stage for one frame, milliseconds."""
+    """Compute time of each stage to the answer of one frame, milliseconds; not of what is done behind it."""
 
     preprocessing: float = 0.0
     ego_motion: float = 0.0

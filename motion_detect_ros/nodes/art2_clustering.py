@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -61,7 +60,8 @@ class Art2ClusteringNode(StageNode):
             raise MessageError(f'{self.resolve_topic_name(FLOW.name)}: expected a grid of {expected[1]}x{expected[0]} '
                                f'cells for these images and settings, got {got[1]}x{got[0]}')
         reference = self._history.step(frame, ego)
-        records = self._stage.process(frame, ego, reference, replace(flow, width=frame.width, height=frame.height))
+        records = self._stage.process(
+            frame, ego, reference, FlowField(flow.flow, frame.width, frame.height, flow.stamp_ns))
         self._publisher.publish(records, header)
         self.latest = (('objects', str(len(records))), ('clusters', str(self._stage.neurons)),
                        *tuned_pairs(self._stage.tuned))

@@ -44,6 +44,7 @@ class EgoMotionNode(StageNode):
         frame = self._preprocessor.process(image, stamp_ns(header))
         ego = self._stage.process(frame)
         self._publisher.publish(ego, header)
+        self._stage.look_ahead()
         self.latest = (('status', ego.status.name), ('inliers', str(ego.inliers)), ('tracks', str(ego.tracks)))
         return unused_for(ego)
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import sys
 import traceback
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
 from motion_detect_ros.core.errors import BackendError, MotionDetectError, SourceError
-from motion_detect_ros.report.embedding import check_libraries
+from motion_detect_ros.report.embedding import check_libraries, packed_plotly
 from motion_detect_ros.results.files import REPORT_NAME, write_whole
 
 
@@ -33,7 +34,9 @@ def make_report(
     judged = judge(replayed, truth) if truth else None
     everything = tracked_objects(replayed)
     objects, plan = listed(everything), plan_film(replayed)
-    pictures = take_pictures(replayed, plan, cutouts(objects, replayed, judged), source)
+    with ThreadPoolExecutor(1) as beside:  # packing takes a second core while the film is made
+        beside.submit(packed_plotly)
+        pictures = take_pictures(replayed, plan, cutouts(objects, replayed, judged), source)
     replayed = replace(replayed, summary=replace(
         replayed.summary, image_size=pictures.image_size or replayed.summary.image_size))
     path = output or folder / REPORT_NAME

@@ -15,6 +15,7 @@ from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.core.types import ByteArray
 from motion_detect_ros.report.film import Film, film_size
 from motion_detect_ros.report.replayed import Replayed
+from motion_detect_ros.sources.ahead import Ahead
 from motion_detect_ros.sources.frames import SourceFrame
 from motion_detect_ros.sources.opening import open_source
 from motion_detect_ros.sources.window import Window
@@ -83,7 +84,8 @@ def take_pictures(replayed: Replayed, plan: FilmPlan, cutouts: Iterable[Cutout],
     for cutout in cutouts:
         wanted[cutout.frame].append(cutout)
     try:
-        trouble = _take(replayed, plan, wanted, _frames(replayed, path, {*plan.frames, *wanted}), pictures)
+        with Ahead(_frames(replayed, path, {*plan.frames, *wanted})) as frames:
+            trouble = _take(replayed, plan, wanted, iter(frames), pictures)
     except MotionDetectError as error:
         trouble = str(error)
     if not pictures.film_frames:

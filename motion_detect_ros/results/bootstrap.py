@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
 
 from motion_detect_ros.core.types import DoubleArray
 from motion_detect_ros.results.metrics import CountArray
@@ -70,6 +69,7 @@ class Bootstrap:
         if number < 2:
             return 1.0
         upper = (1 + self.confidence) / 2
+        from scipy.special import ndtri, stdtrit  # 0.2 s, which only who asks for it shall wait
         return float(stdtrit(freedom, upper) / ndtri(upper) * np.sqrt(number / (number - 1)))
 
     def interval(self, values: DoubleArray) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from pathlib import Path
 
 import numpy as np
@@ -98,3 +99,15 @@ def test_the_command_writes_its_section(
     capsys.readouterr()
     assert leave_one_out.main(['--data', str(made), '--clips', 'made_moves']) == 2
     assert 'expected two clips at least, got 1' in capsys.readouterr().err
+
+
+def test_no_kernel_keeps_a_threshold_as_it_was_when_it_was_compiled() -> None:
+    """A kernel takes the constants of its module for good."""
+    for place in (place for each in THRESHOLDS for place in each.places if ':' in place):
+        module, _, name = place.partition(':')
+        path = Path(leave_one_out.__file__).parents[1] / 'core' / (module.replace('.', '/') + '.py')
+        functions = (each for each in ast.walk(ast.parse(path.read_text(encoding='utf-8')))
+                     if isinstance(each, ast.FunctionDef))
+        for function in functions:
+            if any('kernel' in ast.unparse(each) for each in function.decorator_list):
+                assert name not in {each.id for each in ast.walk(function) if isinstance(each, ast.Name)}, function.name

@@ -222,6 +222,72 @@ def test_a_plain_node_ends_cleanly_wherever_the_signal_finds_it():
     assert end_of(process) == (0, '')
 
 
+#: Nodes that do not get off the network, in a call that keeps the interpreter to itself, as one of Fast DDS may.
+STUCK_NODES = {
+    'plain': """
+import ctypes
+from rclpy.node import Node
+from motion_detect_ros.bridge.runner import run_plain
+
+class Stuck(Node):
+    def __init__(self):
+        super().__init__('stuck')
+        self.create_timer(0.0, lambda: (print('ready', flush=True), self.timer.cancel()))
+
+    @property
+    def timer(self):
+        return next(iter(self.timers))
+
+    def destroy_node(self):
+        print('done', flush=True)
+        ctypes.PyDLL(None).sleep(600)
+
+run_plain(Stuck)
+""",
+    'managed': """
+import ctypes
+from motion_detect_ros.bridge.managed_node import ManagedNode
+from motion_detect_ros.bridge.runner import main_of
+
+class Stuck(ManagedNode):
+    def begin(self):
+        print('ready', flush=True)
+
+    def end(self):
+        print('done')
+
+    def destroy_node(self):
+        ctypes.PyDLL(None).sleep(600)
+
+main_of(lambda: Stuck('stuck'))()
+"""}
+
+
+@pytest.mark.timeout(120)
+@pytest.mark.parametrize('kind', STUCK_NODES)
+def test_a_node_that_is_done_ends_well_where_it_cannot_leave(kind):
+    process = subprocess.Popen(
+        [sys.executable, '-c', STUCK_NODES[kind], '--ros-args', '--log-level', 'warn'], text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+             'PYTHONUNBUFFERED': ''})  # what is printed must be flushed by then
+    await_line(process, 'ready')
+    process.send_signal(signal.SIGINT)
+    await_line(process, 'done')
+    assert end_of(process) == (0, '')
+
+
+@pytest.mark.timeout(120)
+def test_a_plain_node_stops_at_a_signal_from_before_rclpy_looks():
+    script = ('import signal, rclpy\nfrom rclpy.node import Node\n'
+              'from motion_detect_ros.bridge.runner import run_plain\n'
+              'init = rclpy.init\nrclpy.init = lambda: (signal.raise_signal(signal.SIGTERM), init())\n'
+              'run_plain(lambda: Node("early"))')
+    ended = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True, check=False, timeout=60,
+                           env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain())})
+    assert (ended.returncode, ended.stderr) == (0, '')
+
+
 @pytest.mark.timeout(120)
 def test_a_plain_node_s_own_error_is_told():
     script = 'from motion_detect_ros.bridge.runner import run_plain\nrun_plain(lambda: 1 / 0)'

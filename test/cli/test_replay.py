@@ -20,7 +20,8 @@ from motion_detect_ros.cli.batch.jobs import Job
 from motion_detect_ros.cli.batch.one_input import replay
 from motion_detect_ros.cli.batch.processes import share_cores
 from motion_detect_ros.core.config import LoadConfig, PipelineConfig
-from motion_detect_ros.core.pipeline import Measured, MotionPipeline, use_threads
+from motion_detect_ros.core.pipeline import Measured, MotionPipeline
+from motion_detect_ros.core.threads import threads, use
 from motion_detect_ros.core.types import DETECTION_DTYPE, Result
 from motion_detect_ros.sources.bags import BagWriter
 
@@ -138,18 +139,18 @@ def test_several_inputs_get_a_folder_each_and_workers_change_nothing(
         assert (tmp_path / 'out' / name / 'detections.csv').read_bytes() == expected
 
 
-def opencv_threads(config: LoadConfig) -> int:
+def threads_of(config: LoadConfig) -> int:
     """As a job has them."""
-    use_threads(config)
-    return cv2.getNumThreads()
+    use(config.threads)
+    return threads()
 
 
 @pytest.mark.parametrize('workers', [1, 2, 3])
 def test_workers_share_the_cores_unless_told_how_many_threads(workers: int) -> None:
     cores = len(os.sched_getaffinity(0))
     with multiprocessing.get_context('spawn').Pool(1, share_cores, (workers,)) as pool:
-        assert pool.apply(opencv_threads, (LoadConfig(),)) == max(1, cores // workers)
-        assert pool.apply(opencv_threads, (LoadConfig(threads=3),)) == 3
+        assert pool.apply(threads_of, (LoadConfig(),)) == max(1, cores // workers)
+        assert pool.apply(threads_of, (LoadConfig(threads=3),)) == 3
 
 
 def test_one_bad_input_among_several_is_partial(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import pytest
 
-from motion_detect_ros.core.config import LoadConfig, PipelineConfig
+from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
-from motion_detect_ros.core.pipeline import MotionPipeline, use_threads
+from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.settings import with_settings
 from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
 
@@ -39,14 +38,3 @@ def test_velocity_is_per_second_whatever_is_left_out(take, of):
             speeds += [float(record['vel_u']) for record in records]
     assert len(speeds) >= 5
     assert np.median(speeds) == pytest.approx(80.0, rel=0.05)
-
-
-def test_threads_are_those_asked_for():
-    before = cv2.getNumThreads()
-    try:
-        use_threads(LoadConfig(threads=1))
-        assert cv2.getNumThreads() == 1
-        use_threads(LoadConfig(threads=0))
-        assert cv2.getNumThreads() == 1
-    finally:
-        cv2.setNumThreads(before)

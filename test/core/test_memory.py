@@ -43,6 +43,7 @@ def held(request: pytest.FixtureRequest) -> tuple[str, Held]:
             before = tracemalloc.get_traced_memory()[0]
             tracemalloc.reset_peak()
             pipeline.process(image, stamp_ns)
+            pipeline.wait()
             now, peak = tracemalloc.get_traced_memory()
             after.append(now / FULL)
             within.append((peak - before) / FULL)
@@ -66,7 +67,7 @@ def test_large_arrays_are_the_frames_that_are_looked_back_to(held: tuple[str, He
     preset, found = held
     frames, images = 22 if preset == 'visdrone' else MAX_LINKS + 1, found.large['preprocessing/stage.py']
     assert 1 < images <= frames
-    assert sum(found.large.values()) - images <= 6, found.large
+    assert sum(found.large.values()) - images <= 8, found.large
 
 
 def test_a_frame_makes_a_bounded_number_more(held: tuple[str, Held]) -> None:

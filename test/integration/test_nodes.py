@@ -177,6 +177,35 @@ def test_the_demo_lets_nothing_wait_less_than_usual(topic: topics.Topic):
         assert int(settings[f'qos_overrides./{topic.name.lstrip("/")}.{end}.depth']) >= wanted
 
 
+class _SlowToBeFound(LiveGraph):
+    """The first stage stands still from when it has announced itself until a while after the others have."""
+
+    freed = False
+
+    def _spawn(self, node: str, parameters: list[str]) -> subprocess.Popen[bytes]:
+        process = super()._spawn(node, parameters)
+        if node == STAGES[0]:
+            while self.planner.subscribers_of('image_raw') < 1:
+                time.sleep(0.01)
+            process.send_signal(signal.SIGSTOP)
+            threading.Thread(target=self._free, args=(process,), daemon=True).start()
+        return process
+
+    def _free(self, process: subprocess.Popen[bytes]) -> None:
+        deadline = time.monotonic() + TIMEOUT_S
+        while self.planner.subscribers_of('image_raw') < len(STAGES) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        time.sleep(2.0)
+        self.freed = True
+        process.send_signal(signal.SIGCONT)
+
+
+def test_the_graph_is_up_once_the_stages_have_found_each_other():
+    """A planner that sees all of them shows nothing: what a stage publishes before it has found the next is lost."""
+    with _SlowToBeFound('default', STAGES) as graph:
+        assert graph.freed
+
+
 @pytest.mark.parametrize('stage', STAGES)
 def test_the_demo_waits_for_a_stage_that_gets_no_processor(tmp_path: Path, stage: str):
     """Held for about ten images, as on a busy machine: all are answered in the end."""

@@ -24,6 +24,7 @@ from motion_detect_ros.cli.batch.jobs import NOTHING, UNREADABLE, Ended, Job, Ou
 from motion_detect_ros.cli.batch.one_input import run_job
 from motion_detect_ros.cli.progress import Board
 from motion_detect_ros.core.errors import BackendError, SourceError
+from motion_detect_ros.core.threads import use
 from motion_detect_ros.results.files import write_whole
 
 CONNECT_S = 20.0
@@ -81,7 +82,7 @@ def work(job: Job, lease: str, expected: dict[str, str]) -> Outcome:
         trouble = f'no {job.path}; expected a folder that all machines share'
     if trouble:
         return Outcome(UNREADABLE, f'error: worker {worker.address}: {trouble}')
-    cv2.setNumThreads(max(1, worker.state.nthreads))
+    use(max(1, worker.state.nthreads))
     last_s = time.monotonic()
 
     def watch(done: int, total: int | None) -> None:

@@ -14,7 +14,6 @@ from time import perf_counter
 import numpy as np
 
 import motion_detect_ros
-from motion_detect_ros.cli.ahead import Ahead
 from motion_detect_ros.cli.batch.inputs import size_of
 from motion_detect_ros.cli.batch.jobs import (
     NOTHING,
@@ -30,14 +29,18 @@ from motion_detect_ros.cli.batch.jobs import (
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import FrameError, MotionDetectError, SourceError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
-from motion_detect_ros.core.pipeline import Measured, MotionPipeline, use_threads
+from motion_detect_ros.core.pipeline import Measured, MotionPipeline
+from motion_detect_ros.core.self_tuning import Tuned
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.core.stamp_order import StampOrder
+from motion_detect_ros.core.threads import use
+from motion_detect_ros.core.types import ByteArray, Result
 from motion_detect_ros.report.make import report_after_replay
 from motion_detect_ros.results.formats import output_names, remove_others
 from motion_detect_ros.results.outputs import ReplayOutputs
 from motion_detect_ros.results.summary import Percentiles, Summary, write_summary
 from motion_detect_ros.results.tally import Tally
+from motion_detect_ros.sources.ahead import Ahead
 from motion_detect_ros.sources.frames import FrameSource, SourceFrame
 from motion_detect_ros.sources.inertial import GyroReplay, InertialSource
 from motion_detect_ros.sources.opening import open_source
@@ -88,7 +91,7 @@ def replay(job: Job, watch: Watch = lambda done, total: None) -> Summary:
     source = open_source(job.path, job.fps, job.topic, job.window)
     pipeline = MotionPipeline(job.config, source.camera)
     gyro = _gyro(source, job.config)
-    use_threads(job.config.load)
+    use(job.config.load.threads)
     tally = Tally()
 
     def summary_now(complete: bool) -> Summary:
@@ -115,19 +118,18 @@ def _process(
     job: Job, source: FrameSource, pipeline: MotionPipeline, gyro: GyroReplay | None, outputs: ReplayOutputs,
     tally: Tally, watch: Watch,
 ) -> None:
-    """Decode, measure and detect, each in a thread of its own, and write."""
+    """Decode, measure, detect and write, each in a thread of its own."""
     decimation = FrameDecimation(job.config.load.decimation_keep, job.config.load.decimation_of)
-    with Ahead(_timed(source, job.path, tally)) as frames, Ahead(
-            _measured(pipeline, _in_order(frames, tally), gyro, decimation)) as measured:
-        for timed, motion in measured:
-            if motion is None:
+    with (Ahead(_timed(source, job.path, tally)) as frames,
+          Ahead(_measured(pipeline, _in_order(frames, tally), gyro, decimation)) as measured,
+          Ahead(_detected(pipeline, measured, job.overlay)) as detected):
+        for done in detected:
+            if done.result is None:
                 tally.bad_frames += 1
             else:
-                result = pipeline.detect(motion)
-                image = timed.frame.image if job.overlay else None
-                outputs.write(timed.frame.index, timed.decode_ms, result, image)
-                tally.add(result, pipeline.tuned)
-            watch(timed.frame.index + 1, source.frame_count)
+                outputs.write(done.index, done.decode_ms, done.result, done.image)
+                tally.add(done.result, done.tuned)
+            watch(done.index + 1, source.frame_count)
 
 
 def _gyro(source: FrameSource, config: PipelineConfig) -> GyroReplay | None:
@@ -173,6 +175,27 @@ def _measured(
             yield timed, pipeline.measure(frame.image, frame.stamp_ns)
         except FrameError:  # a picture of another size or type costs that picture only
             yield timed, None
+
+
+@dataclass(frozen=True)
+class DoneFrame:
+    """What is written of a frame. ``result``: None where the core refused it; ``tuned``: settings in use by then."""
+
+    index: int
+    decode_ms: float
+    image: ByteArray | None
+    result: Result | None
+    tuned: Tuned
+
+
+def _detected(
+    pipeline: MotionPipeline, measured: Iterable[tuple[TimedFrame, Measured | None]], overlay: bool,
+) -> Iterator[DoneFrame]:
+    """These frames, through the second half; with their images for an overlay."""
+    for timed, motion in measured:
+        result = None if motion is None else pipeline.detect(motion)
+        image = timed.frame.image if overlay else None
+        yield DoneFrame(timed.frame.index, timed.decode_ms, image, result, pipeline.tuned)
 
 
 def _timed(source: FrameSource, path: str, tally: Tally) -> Iterator[TimedFrame]:

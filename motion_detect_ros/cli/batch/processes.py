@@ -13,11 +13,10 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import NoReturn
 
-import cv2
-
 from motion_detect_ros.cli.batch.jobs import NOTHING, Ended, Job, Outcome
 from motion_detect_ros.cli.batch.one_input import run_job
 from motion_detect_ros.cli.progress import Board
+from motion_detect_ros.core.threads import threads, use
 
 #: So often an input may take its process down before it is given up.
 MAX_TRIES = 3
@@ -137,8 +136,8 @@ def serve(connection: Connection, workers: int) -> None:
 
 
 def share_cores(workers: int) -> None:
-    """Give OpenCV one part in ``workers`` of its threads; ``load.threads`` of a job replaces that."""
-    cv2.setNumThreads(max(1, cv2.getNumThreads() // workers))
+    """One part in ``workers`` of the threads for this process; ``load.threads`` of a job replaces that."""
+    use(max(1, threads() // workers))
 
 
 def _interrupt(*_: object) -> NoReturn:

@@ -12,8 +12,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from motion_detect_ros.core.background.filling import filled_from_around
 from motion_detect_ros.core.config import BackgroundConfig
-from motion_detect_ros.core.geometry.robust import RAYLEIGH_MEDIAN, rayleigh_sigma, reweighted, tukey_weights_of_squares
+from motion_detect_ros.core.geometry.order_statistics import column_medians, select
+from motion_detect_ros.core.geometry.robust import RAYLEIGH_MEDIAN, reweighted, tukey_weights_of_squares
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 
 #: Maximum number of cells used for the fit; more do not change it.
@@ -26,8 +28,8 @@ MIN_SIGMA_PX = 1e-3
 RIDGE = 1e-10
 #: Least number of valid cells.
 MIN_CELLS = 50
-#: Cells around an object whose flow may be the object's, windows tried to fill, share of known cells a window needs.
-GUARD_CELLS, FILL_CELLS, MIN_FILL_SHARE = 2, (9, 17, 33, 65, 129), 0.02
+#: Cells around an object whose flow may be the object's.
+GUARD_CELLS = 2
 
 
 @dataclass(frozen=True)
@@ -45,24 +47,12 @@ class Background:
     spread_px: float = math.nan
 
     def behind(self, moving: BoolArray) -> Background:
-        """The background with the cells of objects (gh, gw) filled from their surroundings.
-
-        Normalised convolution (Knutsson and Westin 1993) with growing windows, so that the nearest known cells count.
-        """
+        """The background with the cells of objects (gh, gw) filled from their surroundings."""
         if self.smooth:
             return self
         guard = np.ones((2 * GUARD_CELLS + 1, 2 * GUARD_CELLS + 1), np.uint8)
         hidden = (cv2.dilate(moving.astype(np.uint8), guard) > 0) | ~np.isfinite(self.flow[..., 0])
-        seen = (~hidden).astype(np.float32)
-        known = np.where(hidden[..., None], np.float32(0.0), self.flow)
-        filled = known.copy()
-        for size in FILL_CELLS:
-            share = cv2.blur(seen, (size, size))
-            reached = hidden & (share > MIN_FILL_SHARE)
-            filled[reached] = (cv2.blur(known, (size, size))[reached]) / share[reached][:, None]
-            hidden &= ~reached
-            if not hidden.any():
-                break
+        filled = filled_from_around(self.flow, hidden)
         return Background(filled, self.sigma_px, smooth=False, spread_px=self.spread_px)
 
 
@@ -71,7 +61,9 @@ def motion_vectors(residual: FloatArray, background: Background) -> FloatArray:
 
     residual: (gh, gw, 2) flow without the ego-motion, pixels.
     """
-    vectors: FloatArray = (residual - background.flow) / background.sigma_px[..., None]
+    vectors: FloatArray = residual - background.flow
+    vectors[..., 0] /= background.sigma_px
+    vectors[..., 1] /= background.sigma_px
     return vectors
 
 
@@ -89,26 +81,10 @@ def fit_background(residual: FloatArray, config: BackgroundConfig, magnitude: Fl
     x, y = np.linspace(-1.0, 1.0, columns), np.linspace(-1.0, 1.0, rows)
     across, down = x[used % columns], y[used // columns]
     design = np.stack([np.ones_like(across), across, down, across * across, across * down, down * down])
-    solution, sigma = _irls(design, residual.reshape(-1, 2)[used].T.astype(np.float64))
+    solution, sigma = _irls(design, residual.reshape(-1, 2)[used].T.astype(np.float64, order='C'))
     base = max(config.noise_floor_px, sigma)
     sigma_px = (base + config.noise_share * magnitude).astype(np.float32)
     return Background(_surface(solution, x, y), sigma_px, spread_px=sigma)
-
-
-def background_of_static_points(
-    residual: FloatArray, object_flow: DoubleArray, flow: FloatArray, config: BackgroundConfig,
-) -> Background:
-    """The background of static points at any depth.
-
-    residual, flow: (gh, gw, 2) pixels, without and with the ego-motion, NaN = invalid; object_flow: (gh, gw, 2)
-    what no static point can do of it. The noise is the measured spread of the latter plus a share of the flow.
-    """
-    known = np.isfinite(residual[..., 0])
-    spread_px = rayleigh_sigma(np.hypot(object_flow[..., 0], object_flow[..., 1])[known])
-    length = np.hypot(flow[..., 0], flow[..., 1])
-    sigma_px = max(config.noise_floor_px, spread_px) + config.depth_noise_share * np.nan_to_num(length)
-    return Background(
-        (residual - object_flow).astype(np.float32), sigma_px.astype(np.float32), smooth=False, spread_px=spread_px)
 
 
 def _surface(solution: DoubleArray, x: DoubleArray, y: DoubleArray) -> FloatArray:
@@ -139,11 +115,11 @@ def _irls(design: DoubleArray, target: DoubleArray) -> tuple[DoubleArray, float]
     def solve(_: DoubleArray, squared: DoubleArray, weights: DoubleArray) -> DoubleArray:
         weighted = design * weights
         normal = weighted @ design.T
-        normal[np.diag_indices(6)] += RIDGE * np.trace(normal)
+        normal.flat[::7] += RIDGE * normal.trace()
         return np.asarray(np.linalg.solve(normal, weighted @ target.T), np.float64)
 
     start: DoubleArray = np.zeros((6, 2))
-    start[0] = np.median(target, axis=1)
+    start[0] = column_medians(target.T)
     solution = reweighted(start, squared_errors, weights, solve, ITERATIONS)
     return solution, _sigma(squared_errors(solution))
 
@@ -156,5 +132,4 @@ def _squared_error(design: DoubleArray, target: DoubleArray, solution: DoubleArr
 
 
 def _sigma(squared: DoubleArray) -> float:
-    middle = squared.size // 2
-    return math.sqrt(np.partition(squared, middle)[middle]) / RAYLEIGH_MEDIAN
+    return math.sqrt(select(squared.copy(), squared.size // 2)) / RAYLEIGH_MEDIAN

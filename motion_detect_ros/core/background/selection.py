@@ -72,7 +72,7 @@ class BackgroundSelector:
     def _fit(
         self, flow: FloatArray, residual: FloatArray, camera: CameraModel, config: BackgroundConfig, dt_s: float,
     ) -> Background:
-        length = magnitude(np.nan_to_num(flow))
+        length = np.nan_to_num(magnitude(flow))
         planar = fit_background(residual, config, length)
         if config.model == 'planar':
             return planar
@@ -81,7 +81,7 @@ class BackgroundSelector:
         if config.model == 'auto' and cost <= perfect and not self.three_dimensional:
             self._decide(cost - perfect, dt_s)  # even a perfect fit in space has the higher criterion
             return planar
-        scene = fit_static_scene(flow, residual, camera, config, self._motion)
+        scene = fit_static_scene(flow, residual, length, camera, config, self._motion)
         if scene is None:
             return planar
         self._motion = scene.motion
@@ -98,7 +98,10 @@ class BackgroundSelector:
 
 def _cost(residual: FloatArray, background: Background, sigma: FloatArray, dimension: int) -> float:
     """Mean cost of a cell under a model; the number of the models' own parameters is negligible."""
-    error = magnitude(residual - background.flow) / sigma
-    error = error[np.isfinite(error)]
     bound = OUTLIER * (DATA_DIMENSION - dimension)
-    return float(np.minimum(error ** 2, bound).mean() if error.size else 0.0) + dimension * PER_DIMENSION
+    error = residual - background.flow
+    error *= error
+    squared = (error[..., 0] + error[..., 1]) / (sigma * sigma)
+    known = squared.size - np.count_nonzero(np.isnan(squared))
+    total = float(np.fmin(squared, bound).sum(dtype=np.float64)) - bound * (squared.size - known)
+    return (total / known if known else 0.0) + dimension * PER_DIMENSION

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from motion_detect_ros.core.clustering.alternatives.art2_classic import Art2Classic
-from motion_detect_ros.core.clustering.art2_network import MAX_PASSES, NOT_PRESENTED, Art2Network, LabelArray
+from motion_detect_ros.core.clustering.art2_network import CONTESTED, MAX_PASSES, NOT_PRESENTED, Art2Network, LabelArray
 from motion_detect_ros.core.config import Art2Config
 from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import DoubleArray, FloatArray
@@ -29,6 +29,8 @@ __all__ = ['MAX_PASSES', 'NOT_PRESENTED', 'Art2', 'LabelArray', 'make_art2', 'si
 
 #: Initial neurons are spread over vectors whose match with the background is under this (longer than 4 noise units).
 CLEARLY_MOVING = 0.2
+#: Share of the length up to which only the background is looked at; closer to it rounding decides.
+SURELY = 0.999
 
 
 def make_art2(config: Art2Config) -> Art2Network[Any]:
@@ -38,11 +40,16 @@ def make_art2(config: Art2Config) -> Art2Network[Any]:
 
 @dataclass(frozen=True)
 class Presented:
-    """``vectors``: (N, D); ``length``: (N,), NaN where not presented; ``background_match``: (N,)."""
+    """``vectors``: (N, D), all finite; ``columns``: (D, N) the same; ``length``, ``background_match``: (N,).
+
+    ``scratch``: (N,) each, of the search.
+    """
 
     vectors: FloatArray
+    columns: FloatArray
     length: FloatArray
     background_match: DoubleArray
+    scratch: tuple[FloatArray, DoubleArray, LabelArray]
 
 
 class Art2(Art2Network[Presented]):
@@ -59,19 +66,31 @@ class Art2(Art2Network[Presented]):
         super().use_config(config)
         self.spread_match = config.spread_match
 
+    def _decided(self, vectors: FloatArray) -> LabelArray:
+        """Shorter than any length at which another neuron is looked at; close to that the search decides.
+
+        The match with the background is 1 / (length + 1).
+        """
+        labels = np.empty(len(vectors), np.int32)
+        longest = 1.0 / max(self._config.vigilance, CLEARLY_MOVING) - 1.0
+        _decide(vectors, SURELY * longest, labels)
+        return labels
+
     def _feed(self, vectors: FloatArray) -> Presented:
         length = _lengths(vectors)
         wide = length.astype(np.float64)
-        return Presented(vectors, length, 1.0 - wide / (wide + 1.0))  # the background's length is 0
+        scratch = np.empty(len(length), np.float32), np.empty(len(length)), np.empty(len(length), np.int32)
+        return Presented(vectors, np.ascontiguousarray(vectors.T), length,
+                         1.0 - wide / (wide + 1.0), scratch)  # the background's length is 0
 
     def _compete(self, f1: Presented, labels: LabelArray, match: FloatArray) -> int:
         return int(_compete(
-            f1.vectors, f1.length, f1.background_match, self.prototypes, _lengths(self.prototypes),
-            self._config.vigilance, labels, match))
+            f1.columns, f1.length, f1.background_match, self.prototypes, _lengths(self.prototypes),
+            self._config.vigilance, labels, match, f1.scratch))
 
     def _compete_new(self, f1: Presented, labels: LabelArray, match: FloatArray) -> None:
-        _compete_new(f1.vectors, f1.length, f1.background_match, self.prototypes, _lengths(self.prototypes),
-                     self._config.vigilance, labels, match)
+        _compete_new(f1.columns, f1.length, f1.background_match, self.prototypes, _lengths(self.prototypes),
+                     self._config.vigilance, labels, match, f1.scratch)
 
     def _commitment(self, f1: Presented, index: int) -> FloatArray:
         return f1.vectors[index]
@@ -114,55 +133,77 @@ def _fill_lengths(vectors, length):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def _match(vectors, length, i, prototypes, j, prototype_length):  # type: ignore[no-untyped-def]
-    """``similarity`` of vector i and prototype j, in any dimension."""
-    total = np.float32(0.0)
-    for d in range(vectors.shape[1]):
-        difference = vectors[i, d] - prototypes[j, d]
-        total += difference * difference
-    return 1.0 - np.sqrt(total) / (length[i] + prototype_length + 1.0)
+def _decide(vectors, longest, labels):  # type: ignore[no-untyped-def]
+    """``labels``: ``NOT_PRESENTED``, or 0 where a vector is shorter than ``longest``, or ``CONTESTED``."""
+    bound = longest * longest
+    for i in range(vectors.shape[0]):
+        total = np.float32(0.0)
+        for d in range(vectors.shape[1]):
+            total += vectors[i, d] * vectors[i, d]
+        if total < bound:
+            labels[i] = 0
+        else:
+            labels[i] = CONTESTED if np.isfinite(total) else NOT_PRESENTED
 
 
-@kernel()
+@kernel(error_model='numpy')
+def _distances(columns, prototype, distance):  # type: ignore[no-untyped-def]
+    """``distance``: (N,) of every vector from (D,) ``prototype``. One component at a time, as vector units like it."""
+    for i in range(len(distance)):
+        distance[i] = np.float32(0.0)
+    for d in range(len(columns)):
+        column = columns[d]
+        for i in range(len(distance)):
+            difference = column[i] - prototype[d]
+            distance[i] += difference * difference
+    for i in range(len(distance)):
+        distance[i] = np.sqrt(distance[i])
+
+
+@kernel(error_model='numpy')
 def _compete(  # type: ignore[no-untyped-def]
-    vectors, length, background_match, prototypes, prototype_length, vigilance, labels, match,
+    columns, length, background_match, prototypes, prototype_length, vigilance, labels, match, scratch,
 ):
     """F2: background first, then the best of the others; returns how many labels changed.
 
     ``match`` becomes the best match with any neuron, whoever wins: novelty must not depend on the vigilance.
+    columns: (D, N), all finite; scratch: as ``Presented``.
     """
+    distance, best_match, best = scratch
+    for i in range(len(best)):
+        best_match[i], best[i] = background_match[i], 0
+    for j in range(1, prototypes.shape[0]):
+        _distances(columns, prototypes[j], distance)
+        prototype_size = prototype_length[j]
+        for i in range(len(best)):
+            m = 1.0 - distance[i] / (length[i] + prototype_size + 1.0)
+            better = m > best_match[i]
+            best_match[i] = m if better else best_match[i]
+            best[i] = np.int32(j) if better else best[i]
     changed = 0
-    for i in range(vectors.shape[0]):
-        best, best_match = -1, 0.0
-        if np.isfinite(length[i]):
-            best, best_match = 0, background_match[i]
-            resonates = best_match >= vigilance
-            if not resonates or best_match < CLEARLY_MOVING:
-                for j in range(1, prototypes.shape[0]):
-                    m = _match(vectors, length, i, prototypes, j, prototype_length[j])
-                    if m > best_match:
-                        best_match = m
-                        if not resonates:
-                            best = j
-        if labels[i] != best:
-            changed += 1
-        labels[i], match[i] = best, best_match
+    for i in range(len(best)):
+        resonates = background_match[i] >= vigilance
+        winner = np.int32(0) if resonates else best[i]
+        changed += labels[i] != winner
+        labels[i] = winner
+        match[i] = background_match[i] if resonates and background_match[i] >= CLEARLY_MOVING else best_match[i]
     return changed
 
 
 @kernel()
 def _compete_new(  # type: ignore[no-untyped-def]
-    vectors, length, background_match, prototypes, prototype_length, vigilance, labels, match,
+    columns, length, background_match, prototypes, prototype_length, vigilance, labels, match, scratch,
 ):
     """The newest neuron takes the vectors it matches best, but none that resonates with the background."""
     new = prototypes.shape[0] - 1
-    for i in range(vectors.shape[0]):
-        if labels[i] >= 0:
-            m = _match(vectors, length, i, prototypes, new, prototype_length[new])
-            if m > match[i]:
-                match[i] = m
-                if background_match[i] < vigilance:
-                    labels[i] = new
+    distance = scratch[0]
+    _distances(columns, prototypes[new], distance)
+    for i in range(len(distance)):
+        m = 1.0 - distance[i] / (length[i] + prototype_length[new] + 1.0)
+        if m > match[i]:
+            match[i] = m
+            if background_match[i] < vigilance:
+                labels[i] = new
 
 
 @kernel()

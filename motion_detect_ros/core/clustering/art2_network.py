@@ -24,6 +24,8 @@ from motion_detect_ros.core.types import DoubleArray, FloatArray
 LabelArray = npt.NDArray[np.int32]
 #: Label of a vector that is not presented (invalid flow).
 NOT_PRESENTED = -1
+#: Label of a vector that neurons compete for, until one has won; most vectors are the background's whatever there is.
+CONTESTED = 1
 #: Maximum number of learning passes over a frame; assignments settle after two to four.
 MAX_PASSES = 5
 #: Default frame period, and rounding tolerance of sums of periods, seconds.
@@ -96,6 +98,12 @@ class Art2Network(ABC, Generic[F1]):
         """
         vectors = self._checked(vectors)
         self._forget_idle(dt_s)
+        labels = self._decided(vectors)
+        contested = np.flatnonzero(labels == CONTESTED)
+        labels[contested] = self._fitted(vectors[contested], dt_s)
+        return labels
+
+    def _fitted(self, vectors: FloatArray, dt_s: float) -> LabelArray:
         f1 = self._feed(vectors)
         labels = np.empty(len(vectors), np.int32)
         match = np.empty(len(vectors), np.float32)
@@ -117,9 +125,16 @@ class Art2Network(ABC, Generic[F1]):
         Raises: VectorsError as ``partial_fit``.
         """
         vectors = self._checked(vectors)
-        labels = np.empty(len(vectors), np.int32)
-        self._compete(self._feed(vectors), labels, np.empty(len(vectors), np.float32))
+        labels = self._decided(vectors)
+        contested = np.flatnonzero(labels == CONTESTED)
+        won = np.empty(len(contested), np.int32)
+        self._compete(self._feed(vectors[contested]), won, np.empty(len(contested), np.float32))
+        labels[contested] = won
         return labels
+
+    def _decided(self, vectors: FloatArray) -> LabelArray:
+        """(N,) int32: ``NOT_PRESENTED``, 0 where the background wins whatever neurons there are, else ``CONTESTED``."""
+        return np.full(len(vectors), CONTESTED, np.int32)
 
     @abstractmethod
     def _feed(self, vectors: FloatArray) -> F1:

@@ -13,9 +13,9 @@ from motion_detect_ros.core.clustering.neuron_counts import NeuronCounts
 from motion_detect_ros.core.config import Art2Config, PipelineConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.expansion import with_growth
+from motion_detect_ros.core.detection.image_pair import ImagePair
 from motion_detect_ros.core.detection.motion_field import MotionField
 from motion_detect_ros.core.detection.objects import ObjectFinder
-from motion_detect_ros.core.detection.photometric import ImagePair
 from motion_detect_ros.core.detection.segments import cluster_motions, connected_segments
 from motion_detect_ros.core.geometry.frame_history import ReferenceFrame
 from motion_detect_ros.core.geometry.vectors import magnitude

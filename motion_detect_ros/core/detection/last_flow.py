@@ -23,13 +23,23 @@ class LastFlow:
 
     def reset(self) -> None:
         """Clear the candidates."""
-        self._candidates: list[Candidate] = []
+        self._candidates, self._fresh = list[Candidate](), False
         self.age_s = 0.0
 
     def replaced(self, candidates: list[Candidate]) -> list[Candidate]:
         """Those of a new flow, returned as they are."""
-        self._candidates, self.age_s = candidates, 0.0
+        self._candidates, self._fresh, self.age_s = candidates, False, 0.0
         return candidates
+
+    def replaced_late(self, candidates: list[Candidate]) -> None:
+        """Those of the flow of the last frame, which nobody has been told of: measured, where they are carried to."""
+        self.replaced(candidates)
+        self._fresh = True
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing to go on with."""
+        return not self._candidates
 
     def carried(self, ego: EgoMotion) -> list[Candidate]:
         """Where they are in a frame without flow; none where a flow must have come. ego: motion into the frame.
@@ -39,11 +49,11 @@ class LastFlow:
         self.age_s += ego.dt_s
         if exceeded(self.age_s, INTERVALS * self._every_s, ego.dt_s) or not ego.ok:
             self._candidates = []
-        self._candidates = [_moved(each, ego) for each in self._candidates]
-        return self._candidates
+        moved, fresh = [_moved(each, ego) for each in self._candidates], self._fresh
+        self._candidates, self._fresh = [replace(each, growth=None, measured=False) for each in moved], False
+        return moved if fresh else self._candidates
 
 
 def _moved(candidate: Candidate, ego: EgoMotion) -> Candidate:
     centre, velocity = carried(ego.matrix, candidate.centre, candidate.velocity_px_s, ego.dt_s)
-    return replace(candidate, centre=centre, velocity_px_s=velocity, size=length_scale(ego.matrix) * candidate.size,
-                   growth=None, measured=False)
+    return replace(candidate, centre=centre, velocity_px_s=velocity, size=length_scale(ego.matrix) * candidate.size)

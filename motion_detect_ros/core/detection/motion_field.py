@@ -34,12 +34,9 @@ class MotionField:
     def background_flow(self, region: Box, width: int, height: int) -> FloatArray:
         """(h, w, 2) motion of the background in a region of the ``width`` x ``height`` working image, its pixels."""
         flow = np.empty((region.height, region.width, 2), np.float32)
-        _enlarge(self.background.flow, region.left, region.top, width, height, np.float32(self.scale), flow)
+        _enlarge(self.background.flow, region.left, region.top, width, height, np.float32(self.scale),
+                 np.empty((2, 2 * region.width), np.float32), flow.reshape(region.height, -1))
         return flow
-
-    def motion_of(self, segment: Segment) -> FloatArray:
-        """(2,) median motion of a segment beyond the ego-motion, working-resolution pixels."""
-        return self._median_of(self.residual, segment)
 
     @cached_property
     def object_flow(self) -> FloatArray:
@@ -47,14 +44,12 @@ class MotionField:
         flow: FloatArray = self.residual - self.background.flow
         return flow
 
-    def object_motion_of(self, segment: Segment) -> FloatArray:
-        """(2,) median motion of a segment against the background, working-resolution pixels."""
-        return self._median_of(self.object_flow, segment)
-
-    def _median_of(self, flow: FloatArray, segment: Segment) -> FloatArray:
-        motion = np.empty(2, np.float32)
-        _median_motion(flow, segment.rows, segment.columns, np.empty((2, len(segment.rows)), np.float32), motion)
-        return motion * np.float32(self.scale)
+    def motions_of(self, segment: Segment) -> tuple[FloatArray, FloatArray]:
+        """Median motion of a segment beyond the ego-motion, and against the background, (2,) working pixels each."""
+        motions, cells = np.empty((2, 2), np.float32), np.empty((4, len(segment.rows)), np.float32)
+        _median_motions(self.residual, self.background.flow, segment.rows, segment.columns, cells, motions)
+        motions *= np.float32(self.scale)
+        return motions[0], motions[1]
 
     def object_motion(self, rows: slice, columns: slice) -> tuple[FloatArray, float, float]:
         """Motion against the background in a window of cells: (2,) pixels, in noise units, share of known cells.
@@ -74,33 +69,49 @@ class MotionField:
 
 
 @kernel(error_model='numpy')
-def _enlarge(flow, left, top, width, height, scale, enlarged):  # type: ignore[no-untyped-def]
-    """``enlarged``: (h, w, 2) at left, top of a grid over a ``width`` x ``height`` image, linear, times ``scale``.
+def _enlarge(flow, left, top, width, height, scale, lines, enlarged):  # type: ignore[no-untyped-def]
+    """``enlarged``: (h, w * 2) at left, top of a grid over a ``width`` x ``height`` image, linear, times ``scale``.
 
-    Between the outermost cells' centres and the image border the outermost cells are replicated.
+    Between the outermost cells' centres and the image border the outermost cells are replicated. lines: (2, w * 2), of
+    the rows of the grid above and below, which many rows of the image share.
     """
-    rows, columns = flow.shape[:2]
-    across, down, half = np.float32(columns / width), np.float32(rows / height), np.float32(0.5)
+    rows = flow.shape[0]
+    down, half, above = np.float32(rows / height), np.float32(0.5), -1
     for y in range(enlarged.shape[0]):
         r = min(max((np.float32(top + y) + half) * down - half, np.float32(0.0)), np.float32(rows - 1))
-        above = int(r)
-        below, v = min(above + 1, rows - 1), r - np.float32(above)
-        for x in range(enlarged.shape[1]):
-            c = min(max((np.float32(left + x) + half) * across - half, np.float32(0.0)), np.float32(columns - 1))
-            west = int(c)
-            east, u = min(west + 1, columns - 1), c - np.float32(west)
-            for axis in range(2):
-                high = flow[above, west, axis] + u * (flow[above, east, axis] - flow[above, west, axis])
-                low = flow[below, west, axis] + u * (flow[below, east, axis] - flow[below, west, axis])
-                enlarged[y, x, axis] = (high + v * (low - high)) * scale
+        if above != int(r):
+            above = int(r)
+            _stretch(flow[above], left, width, lines[0])
+            _stretch(flow[min(above + 1, rows - 1)], left, width, lines[1])
+        v, high, low, line = r - np.float32(above), lines[0], lines[1], enlarged[y]
+        for n in range(len(line)):
+            line[n] = (high[n] + v * (low[n] - high[n])) * scale
+
+
+@kernel(error_model='numpy')
+def _stretch(cells, left, width, line):  # type: ignore[no-untyped-def]
+    """``line``: (w * 2,) from ``left`` on of cells (n, 2) over an image of this width, linear."""
+    columns = len(cells)
+    across, half = np.float32(columns / width), np.float32(0.5)
+    for x in range(len(line) // 2):
+        c = min(max((np.float32(left + x) + half) * across - half, np.float32(0.0)), np.float32(columns - 1))
+        west = int(c)
+        east, u = min(west + 1, columns - 1), c - np.float32(west)
+        for axis in range(2):
+            line[2 * x + axis] = cells[west, axis] + u * (cells[east, axis] - cells[west, axis])
 
 
 @kernel()
-def _median_motion(flow, rows, columns, cells, motion):  # type: ignore[no-untyped-def]
-    """``motion``: (2,) median of the cells (n,); cells: (2, n)."""
+def _median_motions(residual, flow, rows, columns, cells, motions):  # type: ignore[no-untyped-def]
+    """``motions``: (2, 2) median over the cells (n,) of the residual, and of what is left of it beyond the background's
+    flow; cells: (4, n).
+    """
     for n in range(len(rows)):
-        cells[0, n], cells[1, n] = flow[rows[n], columns[n], 0], flow[rows[n], columns[n], 1]
-    motion[0], motion[1] = median(cells[0]), median(cells[1])
+        for axis in range(2):
+            own = residual[rows[n], columns[n], axis]
+            cells[axis, n], cells[2 + axis, n] = own, own - flow[rows[n], columns[n], axis]
+    for which in range(4):
+        motions[which // 2, which % 2] = median(cells[which])
 
 
 @kernel()

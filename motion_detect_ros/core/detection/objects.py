@@ -7,22 +7,17 @@ import numpy.typing as npt
 
 from motion_detect_ros.core.config import ObjectsConfig
 from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.detection.image_pair import ImagePair, image_noise
 from motion_detect_ros.core.detection.motion_field import MotionField
 from motion_detect_ros.core.detection.patches import Patch, connected_pixels, joined_patches
-from motion_detect_ros.core.detection.photometric import (
-    ImagePair,
-    PhotometricTest,
-    image_noise,
-    photometric_test,
-    reach_px,
-)
+from motion_detect_ros.core.detection.photometric import PhotometricTest, photometric_test, reach_px
 from motion_detect_ros.core.detection.scoring import log_odds
 from motion_detect_ros.core.detection.segments import Segment
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.order_statistics import percentile
 from motion_detect_ros.core.geometry.warp import grid_points
 from motion_detect_ros.core.kernels import kernel
-from motion_detect_ros.core.types import BoolArray, FloatArray
+from motion_detect_ros.core.threads import HELPERS
 
 #: A segment's surroundings that its object may reach into besides its motion, working-resolution pixels.
 MARGIN_PX = 3
@@ -33,6 +28,8 @@ SPACE_MARGIN_SHARE = 0.5
 MIN_PIXELS = 8
 #: The gain that a patch's strongest pixels reach, as a percentile.
 PEAK_PERCENTILE = 90.0
+#: Fewest segments worth a thread.
+LEAST_SEGMENTS = 20
 
 
 class ObjectFinder:
@@ -51,19 +48,28 @@ class ObjectFinder:
         height, width = pair.current.shape
         background_flow = field.background.flow * np.float32(field.scale)
         noise_gray = image_noise(pair, grid_points(rows, columns, width, height), background_flow)
-        return [self._candidate(patch, field, pair, int(names[segment.neuron]))
-                for segment in segments for patch in self._patches(segment, field, pair, noise_gray)]
+        count = HELPERS.parts(len(segments), LEAST_SEGMENTS)
+        found: list[list[Candidate]] = [[] for _ in segments]
+
+        def every(first: int) -> None:  # the largest segments are neighbours in the list
+            for index in range(first, len(segments), count):
+                found[index] = [self._candidate(patch, field, pair, int(names[segments[index].neuron]))
+                                for patch in self._patches(segments[index], field, pair, noise_gray)]
+
+        HELPERS.share(every, range(count))
+        return [candidate for each in found for candidate in each]
 
     def _patches(self, segment: Segment, field: MotionField, pair: ImagePair, noise_gray: float) -> list[Patch]:
         """Foreground patches around one segment, working-resolution pixels."""
         height, width = pair.current.shape
-        reach = reach_px(field.object_motion_of(segment))
+        motion, object_motion = field.motions_of(segment)
+        reach = reach_px(object_motion)
         region = self._region(segment, field, reach, width, height)
         window = region.grown(reach, width, height)
         test = photometric_test(
-            pair, region, window, field.background_flow(window, width, height), field.motion_of(segment), noise_gray,
+            pair, region, window, field.background_flow(window, width, height), motion, noise_gray,
             self._config.photometric_sigma)
-        found = self._patches_of(test, _cell_mask(segment, field.residual.shape[:2], region, width, height))
+        found = self._patches_of(test, segment, Box(region.left, region.top, width, height), field.residual.shape[:2])
         joined = joined_patches(found)
         return [patch.moved(region.left, region.top) for patch in joined if self._plausible(patch, width * height)]
 
@@ -79,14 +85,19 @@ class ObjectFinder:
             margin = max(margin, round(SPACE_MARGIN_SHARE * min(box.width, box.height)))
         return box.grown(margin, width, height)
 
-    def _patches_of(self, test: PhotometricTest, inside: BoolArray) -> list[Patch]:
+    def _patches_of(self, test: PhotometricTest, segment: Segment, place: Box, grid: tuple[int, ...]) -> list[Patch]:
         """Patches that touch the segment, cut down to the pixels near their strongest gain.
 
-        A soft shadow moves with its object, but its gain is far below that of the object's own edges.
+        A soft shadow moves with its object, but its gain is far below that of the object's own edges. place: of the
+        test's left upper pixel to the right lower end of the image; grid: rows and columns of cells of the image.
         """
         count, labels = connected_pixels(test.foreground, self._config.closing_px)
-        rows = _strong_patches(labels, count, test.foreground, test.gain, inside, self._config.peak_share)
-        return [Patch(Box(*row[:4]), row[4]) for row in rows.tolist() if row[4] >= MIN_PIXELS]
+        patches = np.zeros((count, 5), np.int64)
+        _fill_patches(labels, test.foreground, test.gain, segment.rows, segment.columns, grid[0], grid[1], place.left,
+                      place.top, place.right, place.bottom, np.float32(self._config.peak_share),
+                      np.zeros((2, count + 1), np.int64), np.empty(labels.size, np.float32),
+                      np.zeros(count, np.bool_), np.empty(count, np.float32), patches)
+        return [Patch(Box(*row[:4]), row[4]) for row in patches.tolist() if row[4] >= MIN_PIXELS]
 
     def _plausible(self, patch: Patch, image_area: int) -> bool:
         config = self._config
@@ -108,73 +119,60 @@ class ObjectFinder:
                          log_odds(patch.pixels / width ** 2, sigmas, known, around), name)
 
 
-def _cell_mask(segment: Segment, grid: tuple[int, ...], region: Box, width: int, height: int) -> BoolArray:
-    """The segment's cells as pixels of ``region``."""
-    mask = np.zeros((region.height, region.width), np.bool_)
-    _fill_pixels(segment.rows, segment.columns, grid[0], grid[1], region.left, region.top, width, height, mask)
-    return mask
-
-
-@kernel()
-def _fill_pixels(  # type: ignore[no-untyped-def]
-    rows, columns, grid_rows, grid_columns, left, top, width, height, mask,
-):
-    """``mask``: False, then True in cells (n,) of the grid of a ``width`` x ``height`` image; from left, top on."""
-    bottom, right = top + mask.shape[0], left + mask.shape[1]
-    for n in range(len(rows)):
-        r, c = rows[n], columns[n]
-        y0, y1 = max(top, -(-r * height // grid_rows)), min(bottom, -(-(r + 1) * height // grid_rows))
-        x0, x1 = max(left, -(-c * width // grid_columns)), min(right, -(-(c + 1) * width // grid_columns))
-        for y in range(y0, y1):
-            for x in range(x0, x1):
-                mask[y - top, x - left] = True
-
-
-def _strong_patches(
-    labels: npt.NDArray[np.int32], count: int, mask: BoolArray, gain: FloatArray, inside: BoolArray, peak_share: float,
-) -> npt.NDArray[np.int64]:
-    """(count, 5) left, top, right, bottom, number of the pixels near the peak gain of each label; number 0 where the
-    label does not touch ``inside`` or is too small.
-    """
-    patches = np.zeros((count, 5), np.int64)
-    _fill_patches(labels, mask, gain, inside, np.float32(peak_share), np.zeros((2, count + 1), np.int64),
-                  np.empty(mask.size, np.float32), np.zeros(count, np.bool_), np.empty(count, np.float32), patches)
-    return patches
-
-
 @kernel()
 def _fill_patches(  # type: ignore[no-untyped-def]
-    labels, mask, gain, inside, peak_share, places, gains, touches, limits, patches,
+    labels, mask, gain, cell_rows, cell_columns, grid_rows, grid_columns, left, top, width, height, peak_share, places,
+    gains, touches, limits, patches,
 ):
-    """``patches`` as ``_strong_patches``.
+    """``patches``: (count, 5) left, top, right, bottom, number of the pixels near the peak gain of each label; number 0
+    where the label does not touch the cells (n,) of a grid over a ``width`` x ``height`` image or is too small.
 
-    places: (2, count + 1) zeros, where the pixels of each label begin in ``gains`` (n,), and are filled so far;
-    touches: (count,) False; limits: (count,).
+    labels, mask, gain: (h, w), at left, top of it; places: (2, count + 1) zeros, where the pixels of each label begin
+    in ``gains`` (h * w,), and are filled so far; touches: (count,) False; limits: (count,).
     """
-    height, width = labels.shape
-    starts, filled = places[0], places[1]
-    for y in range(height):
-        for x in range(width):
-            if mask[y, x]:
-                starts[labels[y, x] + 1] += 1
+    rows, columns = labels.shape
+    starts = places[0]
+    _gather(labels, mask, gain, starts, places[1], gains)
+    for n in range(len(cell_rows)):
+        r, c = cell_rows[n], cell_columns[n]
+        y0, y1 = -(-r * height // grid_rows) - top, -(-(r + 1) * height // grid_rows) - top
+        x0, x1 = -(-c * width // grid_columns) - left, -(-(c + 1) * width // grid_columns) - left
+        _note_touched(labels, mask, max(0, y0), min(rows, y1), max(0, x0), min(columns, x1), touches)
     for label in range(len(limits)):
-        starts[label + 1] += starts[label]
-        filled[label] = starts[label]
-    for y in range(height):
-        for x in range(width):
-            if mask[y, x]:
-                label = labels[y, x]
-                gains[filled[label]] = gain[y, x]
-                filled[label] += 1
-                touches[label] |= inside[y, x]
-    for label in range(len(limits)):
-        limits[label], patches[label, 0], patches[label, 1] = np.inf, width, height
+        limits[label], patches[label, 0], patches[label, 1] = np.inf, columns, rows
         if touches[label] and starts[label + 1] - starts[label] >= MIN_PIXELS:
             limits[label] = peak_share * percentile(gains[starts[label]:starts[label + 1]], PEAK_PERCENTILE)
-    for y in range(height):
-        for x in range(width):
+    for y in range(rows):
+        for x in range(columns):
             if mask[y, x] and gain[y, x] > limits[labels[y, x]]:
                 label = labels[y, x]
                 patches[label, 0], patches[label, 1] = min(patches[label, 0], x), min(patches[label, 1], y)
                 patches[label, 2], patches[label, 3] = max(patches[label, 2], x + 1), max(patches[label, 3], y + 1)
                 patches[label, 4] += 1
+
+
+@kernel()
+def _gather(labels, mask, gain, starts, filled, gains):  # type: ignore[no-untyped-def]
+    """``gains``: of the pixels of label after label, which begin at ``starts``, (count + 1,) zeros like ``filled``."""
+    rows, columns = labels.shape
+    for y in range(rows):
+        for x in range(columns):
+            if mask[y, x]:
+                starts[labels[y, x] + 1] += 1
+    for label in range(len(starts) - 1):
+        starts[label + 1] += starts[label]
+        filled[label] = starts[label]
+    for y in range(rows):
+        for x in range(columns):
+            if mask[y, x]:
+                label = labels[y, x]
+                gains[filled[label]] = gain[y, x]
+                filled[label] += 1
+
+
+@kernel()
+def _note_touched(labels, mask, top, bottom, left, right, touches):  # type: ignore[no-untyped-def]
+    """``touches``: True at the labels of pixels in a window."""
+    for y in range(top, bottom):
+        for x in range(left, right):
+            touches[labels[y, x]] |= mask[y, x]

@@ -2,38 +2,71 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import partial
+
 import numpy as np
 
 from motion_detect_ros.core.config import EgoMotionConfig
-from motion_detect_ros.core.ego_motion.features import BLOCK_PX, check_features, find_features
+from motion_detect_ros.core.deferred import Deferred
+from motion_detect_ros.core.ego_motion.features import BLOCK_PX, AllowedPlaces, check_features, find_features
 from motion_detect_ros.core.ego_motion.measurement import MIN_TRACKS, EgoMotionMeasurement, centre_of, is_plausible
 from motion_detect_ros.core.ego_motion.point_tracking import track_close, track_points
 from motion_detect_ros.core.ego_motion.robust_fit import MotionFit, fit_motion
 from motion_detect_ros.core.geometry.motion_models import model_family, theta_matrix
 from motion_detect_ros.core.geometry.warp import apply, at_full_resolution, at_scale, stabilise
+from motion_detect_ros.core.threads import threads
 from motion_detect_ros.core.types import DoubleArray, EgoStatus, FloatArray, PreparedFrame
 
-#: Change of the linear part from which a patch of the size of the tracking window is visibly deformed.
-DEFORMED = 0.02
+#: Change of the linear part from which a patch of the size of the tracking window is deformed so far that tracks err by
+#: more than a few hundredths of a pixel.
+DEFORMED = 0.05
+
+
+@dataclass(frozen=True)
+class _Features:
+    """``points``: (N, 2) float32 pixels of ``frame``'s image."""
+
+    frame: PreparedFrame
+    points: FloatArray
 
 
 class IndirectMethod:
-    """Features found in the previous frame, tracked into the current one, and a robust fit to their displacements."""
+    """Features found in the previous frame, tracked into the current one, and a robust fit to their displacements.
+
+    Those of the current frame, for the next one, may be looked for behind the answer.
+    """
 
     def __init__(self, config: EgoMotionConfig) -> None:
         """Raises: BackendError for features that this OpenCV does not have."""
         self._config = config
         self._family = model_family(config.model)
         check_features(config.features)
+        self._places = AllowedPlaces()
+        self._ahead = Deferred[_Features]('features')
 
     def measure(
         self, previous: PreparedFrame, frame: PreparedFrame, prior: DoubleArray | None = None,
     ) -> EgoMotionMeasurement:
         """As ``EgoMethod``; ``prior`` is the initial guess of the tracker."""
+        ahead = self._ahead.take()
+        features = ahead if ahead and ahead.frame is previous else self._features(previous)
+        return self._tracked(previous, frame, features.points, prior)
+
+    def look_ahead(self, frame: PreparedFrame) -> None:
+        """Find the features of a frame in a thread; ``measure`` from that frame on waits for them, or, where there is
+        no other thread, finds them.
+        """
+        self._ahead.drop()
+        if threads() == 1:
+            return
+        self._ahead.start(partial(self._features, frame))
+
+    def _tracked(
+        self, previous: PreparedFrame, frame: PreparedFrame, points: FloatArray, prior: DoubleArray | None,
+    ) -> EgoMotionMeasurement:
         config = self._config
         at_work = None if prior is None else at_scale(prior, frame.scale)
-        points = find_features(
-            config.features, previous.gray, config.max_corners, config.corner_quality, previous.mask)
         if len(points) < MIN_TRACKS:
             return EgoMotionMeasurement(None, EgoStatus.LOW_TEXTURE, len(points))
         moved, good = track_points(previous.gray, frame.gray, points, config, at_work)
@@ -47,6 +80,15 @@ class IndirectMethod:
         if np.abs(matrix[:2, :2] - np.eye(2)).max() > DEFORMED:
             fit = self._refined(matrix, points, previous, frame) or fit
         return EgoMotionMeasurement(fit, EgoStatus.OK, len(earlier), earlier, later)
+
+    def wait(self) -> None:
+        """Until the features of the last frame are found."""
+        self._ahead.wait()
+
+    def _features(self, frame: PreparedFrame) -> _Features:
+        config = self._config
+        return _Features(frame, find_features(
+            config.features, frame.gray, config.max_corners, config.corner_quality, frame.mask, self._places))
 
     def _fit(self, points: FloatArray, moved: FloatArray, frame: PreparedFrame) -> MotionFit | None:
         centre = centre_of(frame)

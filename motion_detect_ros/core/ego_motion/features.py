@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from motion_detect_ros.core.errors import BackendError
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
 
 #: Window of the corner response, and least distance of points from border and mask, pixels.
@@ -33,8 +33,23 @@ Response = Callable[[ByteArray], FloatArray]
 Detector = Callable[[ByteArray, int, ByteArray], tuple[DoubleArray, DoubleArray]]
 
 
+class AllowedPlaces:
+    """Where points may be, kept while images come with the same mask."""
+
+    def __init__(self) -> None:
+        self._mask: BoolArray | None = None
+        self._allowed: BoolArray | None = None
+
+    def of(self, shape: tuple[int, ...], mask: BoolArray | None) -> BoolArray:
+        """(H, W) = ``shape``: pixels at least ``BLOCK_PX`` away from the border and from pixels masked out."""
+        if self._allowed is None or self._allowed.shape != shape or mask is not self._mask:
+            self._mask, self._allowed = mask, _allowed(shape, mask)
+        return self._allowed
+
+
 def find_features(
     kind: str, gray: ByteArray, count: int, quality: float, mask: BoolArray | None = None,
+    places: AllowedPlaces | None = None,
 ) -> FloatArray:
     """The strongest points of every cell of a grid, so that one textured spot does not dominate.
 
@@ -42,12 +57,12 @@ def find_features(
     Stephens 1988), ``fast`` (Rosten and Drummond 2006), ``orb`` (FAST over scales, ranked by Harris, Rublee et al.
     2011), ``brisk`` (Leutenegger et al. 2011), ``mser`` (centres of small maximally stable regions, Matas et al. 2002).
     gray: (H, W) uint8; quality: smallest strength, relative to the best; mask: (H, W), no points where it is
-    False, nor within ``BLOCK_PX`` of it.
+    False, nor within ``BLOCK_PX`` of it; places: of earlier calls.
     Returns (N, 2) float32, pixels (x, y), N <= max(count, number of cells).
     Raises: BackendError for a kind that is unknown or not in this OpenCV.
     Source of the grid: Kitt et al. 2010.
     """
-    allowed = _allowed(gray.shape, mask)
+    allowed = (places or AllowedPlaces()).of(gray.shape, mask)
     if kind in RESPONSES:
         points, strength = _corners(RESPONSES[kind], gray, allowed, quality)
     elif kind in DETECTORS:
@@ -111,11 +126,13 @@ def _keypoints(found: tuple[cv2.KeyPoint, ...]) -> tuple[DoubleArray, DoubleArra
 
 def _allowed(shape: tuple[int, ...], mask: BoolArray | None) -> BoolArray:
     """(H, W): pixels at least ``BLOCK_PX`` away from the border and from pixels masked out."""
+    inside = (slice(BLOCK_PX, -BLOCK_PX),) * 2
     allowed = np.zeros(shape, np.bool_)
-    allowed[BLOCK_PX:-BLOCK_PX, BLOCK_PX:-BLOCK_PX] = True
-    if mask is not None:
+    if mask is None:
+        allowed[inside] = True
+    else:
         side = 2 * BLOCK_PX + 1
-        allowed &= cv2.erode(mask.view(np.uint8), np.ones((side, side), np.uint8)) > 0
+        allowed[inside] = cv2.erode(mask.view(np.uint8), np.ones((side, side), np.uint8))[inside].view(np.bool_)
     return allowed
 
 
@@ -135,7 +152,7 @@ def _peaks(
     response: FloatArray, allowed: BoolArray, quality: float, reach: int,
 ) -> tuple[DoubleArray, DoubleArray]:
     """Local maxima, within ``reach`` pixels, of a response map over ``quality`` times the greatest."""
-    response[~allowed] = 0.0
+    np.multiply(response, allowed, out=response)
     side = 2 * reach + 1
     peak = response == cv2.dilate(response, np.ones((side, side), np.uint8))
     peak &= response > quality * float(response.max())
@@ -152,17 +169,22 @@ def _inside(points: DoubleArray, strength: DoubleArray, allowed: BoolArray) -> t
 
 def _spread(points: DoubleArray, strength: DoubleArray, shape: tuple[int, ...], count: int) -> DoubleArray:
     """The same number of points from every cell, strongest first."""
-    column, row = points.astype(np.intp).T
-    cells = (row * ROWS // shape[0]) * COLUMNS + column * COLUMNS // shape[1]
-    order = np.lexsort((-strength, cells))
-    keep = order[_rank_in_group(cells[order]) < max(1, count // (ROWS * COLUMNS))]
-    chosen: DoubleArray = points[keep]
+    keep = np.full((ROWS * COLUMNS, max(1, count // (ROWS * COLUMNS))), -1, np.intp)
+    _strongest(points, strength, shape[0], shape[1], keep)
+    chosen: DoubleArray = points[keep[keep >= 0]]
     return chosen
 
 
-def _rank_in_group(sorted_groups: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
-    """Position of each element within its run of equal values: [3, 3, 5, 5, 5] -> [0, 1, 0, 1, 2]."""
-    position = np.arange(len(sorted_groups))
-    starts = np.flatnonzero(np.r_[True, sorted_groups[1:] != sorted_groups[:-1]][:len(sorted_groups)])
-    ranks: npt.NDArray[np.intp] = position - np.repeat(starts, np.diff(np.r_[starts, len(sorted_groups)]))
-    return ranks
+@kernel()
+def _strongest(points, strength, height, width, keep):  # type: ignore[no-untyped-def]
+    """``keep``: (cells, most) of -1, then the indices of the strongest points of each cell, in their order."""
+    most = keep.shape[1]
+    for n in range(len(points)):
+        cell = (int(points[n, 1]) * ROWS // height) * COLUMNS + int(points[n, 0]) * COLUMNS // width
+        place = most
+        while place > 0 and (keep[cell, place - 1] < 0 or strength[keep[cell, place - 1]] < strength[n]):
+            if place < most:
+                keep[cell, place] = keep[cell, place - 1]
+            place -= 1
+        if place < most:
+            keep[cell, place] = n

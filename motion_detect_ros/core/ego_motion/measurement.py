@@ -57,4 +57,5 @@ def is_plausible(fit: MotionFit | None, centre: DoubleArray) -> bool:
     if not np.diag(fit.covariance).max() <= MAX_SIGMA_PX ** 2:  # NaN is not plausible
         return False
     low, high = DETERMINANT_RANGE
-    return bool(low < np.linalg.det(theta_matrix(fit.theta, centre)[:2, :2]) < high)
+    (a, b, _), (c, d, _), _ = theta_matrix(fit.theta, centre).tolist()
+    return low < a * d - b * c < high

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from motion_detect_ros.core.config import EgoMotionConfig
+from motion_detect_ros.core.geometry.lucas_kanade import lucas_kanade
 from motion_detect_ros.core.geometry.warp import apply, inverse
 from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
 
@@ -88,5 +89,5 @@ def _one_way(
     """levels: of the pyramid above the images themselves."""
     window = (config.lk_window_px, config.lk_window_px)
     flags = 0 if guess is None else cv2.OPTFLOW_USE_INITIAL_FLOW
-    moved, found, _ = cv2.calcOpticalFlowPyrLK(one, other, points, guess, winSize=window, maxLevel=levels, flags=flags)
+    moved, found, _ = lucas_kanade(one, other, points, guess, {'winSize': window, 'maxLevel': levels, 'flags': flags})
     return moved, found.ravel() > 0

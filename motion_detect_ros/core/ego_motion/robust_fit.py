@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from motion_detect_ros.core.geometry.motion_models import ModelFamily, displacement, jacobian, matrix_theta, normalised
-from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA, reweighted, tukey_weights_of_squares
-from motion_detect_ros.core.geometry.vectors import magnitude
+from motion_detect_ros.core.geometry.order_statistics import median, select
+from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA, TUKEY_C
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray, MotionModel
 
 #: Localisation noise no tracker gets under, pixels.
@@ -57,25 +58,34 @@ def refine_motion(
     None where the points do not determine the motion (singular normal equations).
     Source: Holland and Welsch 1977, with the weights of Beaton and Tukey 1974.
     """
-    x, target = normalised(points, centre), (moved - points).astype(np.float64)
+    x, target = normalised(points, centre), (moved - points).T.astype(np.float64)
     fixed = _steps(family, theta, x, centre) if family.polynomial else None
-
-    def steps_at(theta: DoubleArray) -> DoubleArray:
-        return _steps(family, theta, x, centre) if fixed is None else fixed
-
-    def errors(theta: DoubleArray) -> DoubleArray:
-        return target - displacement(family, theta, x, centre)
-
-    def solve(theta: DoubleArray, error: DoubleArray, weights: DoubleArray) -> DoubleArray:
-        steps = steps_at(theta)
+    errors, weights, scratch = np.empty_like(target), np.empty(len(x)), np.empty(2 * len(x))
+    free = np.asarray(np.linalg.lstsq(family.basis, theta, rcond=None)[0], np.float64)
+    for _ in range(ITERATIONS):
+        steps = _linearised(family, free, x, centre, target, fixed, errors)
+        _weigh(errors, MIN_SIGMA_PX, scratch, weights)
         weighted = _weighted(steps, weights)
-        change = np.linalg.lstsq(weighted @ steps.T, weighted @ error.T.ravel(), rcond=None)[0]
-        return np.asarray(theta + family.basis @ change, np.float64)
+        free = free + np.linalg.lstsq(weighted @ steps.T, weighted @ errors.ravel(), rcond=None)[0]
+    steps = _linearised(family, free, x, centre, target, fixed, errors)
+    _weigh(errors, MIN_SIGMA_PX, scratch, weights)
+    return _summary(family, free, errors, weights, steps)
 
-    start = family.basis @ np.linalg.lstsq(family.basis, theta, rcond=None)[0]
-    theta = reweighted(start, errors, _weights, solve, ITERATIONS)
-    error = errors(theta)
-    return _summary(family, theta, error, _weights(error), steps_at(theta))
+
+def _linearised(
+    family: ModelFamily, free: DoubleArray, x: DoubleArray, centre: DoubleArray, target: DoubleArray,
+    fixed: DoubleArray | None, errors: DoubleArray,
+) -> DoubleArray:
+    """The steps, (k, 2 N), at the parameters ``free``, (k,); ``errors``, (2, N), become theirs.
+
+    target: (2, N) measured displacements; fixed: the steps where they do not depend on the parameters.
+    """
+    if fixed is not None:
+        np.subtract(target, (free @ fixed).reshape(2, -1), out=errors)
+        return fixed
+    theta = family.basis @ free
+    np.subtract(target, displacement(family, theta, x, centre).T, out=errors)
+    return _steps(family, theta, x, centre)
 
 
 def _steps(family: ModelFamily, theta: DoubleArray, x: DoubleArray, centre: DoubleArray) -> DoubleArray:
@@ -90,28 +100,36 @@ def _weighted(steps: DoubleArray, weights: DoubleArray) -> DoubleArray:
     return weighted
 
 
-def _weights(error: DoubleArray) -> DoubleArray:
-    sigma = max(MAD_TO_SIGMA * float(_median(np.abs(error - _median(error)).ravel())), MIN_SIGMA_PX)
-    x, y = error.T
-    return tukey_weights_of_squares(x * x + y * y, sigma)
+@kernel()
+def _weigh(errors, least_sigma, scratch, weights):  # type: ignore[no-untyped-def]
+    """``weights``: (N,) Tukey's, of errors (2, N), by the median deviation of both components from their medians.
 
-
-def _median(values: DoubleArray) -> DoubleArray:
-    """Along the first axis; of the two in the middle, where there are two, the upper one."""
-    middle = len(values) // 2
-    median: DoubleArray = np.partition(values, middle, axis=0)[middle]
-    return median
+    scratch: (2 N,). Of an even number the upper one in the middle is the median.
+    """
+    count = len(weights)
+    middle_x, middle_y = 0.0, 0.0
+    for axis in range(2):
+        for n in range(count):
+            scratch[n] = errors[axis, n]
+        middle = select(scratch[:count], count // 2)
+        middle_x, middle_y = middle_y, middle
+    for n in range(count):
+        scratch[n], scratch[count + n] = abs(errors[0, n] - middle_x), abs(errors[1, n] - middle_y)
+    bound = TUKEY_C * max(MAD_TO_SIGMA * select(scratch, count), least_sigma)
+    for n in range(count):
+        share = max(1.0 - (errors[0, n] * errors[0, n] + errors[1, n] * errors[1, n]) / (bound * bound), 0.0)
+        weights[n] = share * share
 
 
 def _summary(
-    family: ModelFamily, theta: DoubleArray, error: DoubleArray, weights: DoubleArray, steps: DoubleArray,
+    family: ModelFamily, free: DoubleArray, errors: DoubleArray, weights: DoubleArray, steps: DoubleArray,
 ) -> MotionFit | None:
     normal, inliers = _weighted(steps, weights) @ steps.T, weights > 0.0
     eigenvalues = np.linalg.eigvalsh(normal)
-    if not np.isfinite(theta).all() or eigenvalues[0] <= SINGULAR * eigenvalues[-1]:
+    if not np.isfinite(free).all() or eigenvalues[0] <= SINGULAR * eigenvalues[-1]:
         return None
     freedom = max(2.0 * weights.sum() - family.basis.shape[1], 2.0)
-    variance = max(float((weights[:, None] * error ** 2).sum() / freedom), MIN_SIGMA_PX ** 2)
+    variance = max(float((weights * errors ** 2).sum() / freedom), MIN_SIGMA_PX ** 2)
     covariance = variance * family.basis @ np.linalg.inv(normal) @ family.basis.T
-    residual = float(np.median(magnitude(error)[inliers]))
-    return MotionFit(theta, covariance, inliers, residual, family.kind)
+    residual = float(median(np.hypot(*errors)[inliers]))
+    return MotionFit(family.basis @ free, covariance, inliers, residual, family.kind)

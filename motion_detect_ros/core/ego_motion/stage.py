@@ -10,6 +10,7 @@ from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.ego_motion.agreement import agrees
 from motion_detect_ros.core.ego_motion.alternatives.gyro_prior import GyroPrior, Prior
 from motion_detect_ros.core.ego_motion.alternatives.relative_pose import RelativePoseEstimator
+from motion_detect_ros.core.ego_motion.feature_based import IndirectMethod
 from motion_detect_ros.core.ego_motion.measurement import EgoMotionMeasurement, centre_of
 from motion_detect_ros.core.ego_motion.methods import make_method
 from motion_detect_ros.core.ego_motion.robust_fit import MotionFit
@@ -52,12 +53,22 @@ class EgoMotionStage:
         self._relative_pose.reset()
         self._gyro.reset()
 
+    def wait(self) -> None:
+        """Until what is done behind the last frame is done; ``process`` does so itself."""
+        if isinstance(self._method, IndirectMethod):
+            self._method.wait()
+
     def add_gyro(self, stamp_ns: int, rate: DoubleArray) -> None:
         """Add an angular rate, in order of time, before the first later frame. Ignored without ``imu.use``.
 
         stamp_ns: of the IMU's clock; rate: (3,) rad/s in the IMU's frame (``core.ego_motion.alternatives.imu``).
         """
         self._gyro.add(stamp_ns, rate)
+
+    def look_ahead(self) -> None:
+        """Do in a thread what the next frame needs of the last one; without it, the next frame does."""
+        if self._previous is not None and isinstance(self._method, IndirectMethod):
+            self._method.look_ahead(self._previous)
 
     def process(self, frame: PreparedFrame) -> EgoMotion:
         """Motion from the frame of the last call to ``frame``. Image content never raises: see ``status``."""

@@ -14,9 +14,15 @@ Edges = tuple[DoubleArray, DoubleArray]
 
 def shared_areas(ones: Edges, others: Edges) -> DoubleArray:
     """(n, m) area, square pixels, that each of the ones shares with each of the others."""
-    low, high = np.maximum(ones[0][:, None], others[0]), np.minimum(ones[1][:, None], others[1])
-    area: DoubleArray = np.clip(high - low, 0.0, None).prod(axis=2)
+    area: DoubleArray = _shared_sides(ones, others, 0) * _shared_sides(ones, others, 1)
     return area
+
+
+def _shared_sides(ones: Edges, others: Edges, axis: int) -> DoubleArray:
+    low = np.maximum(ones[0][:, axis, None], others[0][:, axis])
+    sides: DoubleArray = np.minimum(ones[1][:, axis, None], others[1][:, axis])
+    sides -= low
+    return np.maximum(sides, 0.0, out=sides)
 
 
 @dataclass(frozen=True)
@@ -41,7 +47,7 @@ class Box:
     @property
     def area(self) -> int:
         """Pixels."""
-        return self.width * self.height
+        return (self.right - self.left) * (self.bottom - self.top)
 
     def grown(self, margin: int, width: int, height: int) -> Box:
         """The box with ``margin`` on every side, cut to an image of ``width`` x ``height``."""

@@ -7,7 +7,11 @@ import math
 import numpy as np
 
 from motion_detect_ros.core.geometry.bearings import PIXEL_CENTRE
+from motion_detect_ros.core.geometry.vectors import Pair
 from motion_detect_ros.core.types import DoubleArray
+
+#: The rows of a (3, 3) warp as plain numbers: ``matrix.tolist()``, once for all objects.
+Rows = list[list[float]]
 
 
 def carried(
@@ -18,13 +22,18 @@ def carried(
     matrix: (3, 3) previous pixel -> current pixel; centre: (2,) of a box, pixels, in edges of pixels (warps are in
     centres); velocity: (2,) against the background, pixels/s.
     """
-    (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
-    x, y = float(centre[0]) - PIXEL_CENTRE, float(centre[1]) - PIXEL_CENTRE
-    vx, vy = float(velocity[0]), float(velocity[1])
+    place, speed = carried_pair(matrix.tolist(), centre.tolist(), velocity.tolist(), dt_s)
+    return np.array(place), np.array(speed)
+
+
+def carried_pair(rows: Rows, centre: Pair, velocity: Pair, dt_s: float) -> tuple[Pair, Pair]:
+    """As ``carried``, of plain numbers."""
+    (a, b, c), (d, e, f), (g, h, i) = rows
+    x, y = centre[0] - PIXEL_CENTRE, centre[1] - PIXEL_CENTRE
     depth = g * x + h * y + i
-    vx, vy = a * vx + b * vy, d * vx + e * vy
-    return (np.array([(a * x + b * y + c) / depth + PIXEL_CENTRE + vx * dt_s,
-                      (d * x + e * y + f) / depth + PIXEL_CENTRE + vy * dt_s]), np.array([vx, vy]))
+    vx, vy = a * velocity[0] + b * velocity[1], d * velocity[0] + e * velocity[1]
+    return ((a * x + b * y + c) / depth + PIXEL_CENTRE + vx * dt_s,
+            (d * x + e * y + f) / depth + PIXEL_CENTRE + vy * dt_s), (vx, vy)
 
 
 def length_scale(matrix: DoubleArray) -> float:

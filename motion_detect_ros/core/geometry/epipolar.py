@@ -7,13 +7,17 @@ p0 = R q (infinitely far) towards the epipole: p(s) = p0 + s (t_xy - t_z p0), s 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA, reweighted, tukey_weights
+from motion_detect_ros.core.geometry.normal_equations import tukey_sums
+from motion_detect_ros.core.geometry.order_statistics import median
+from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA, TUKEY_C
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import BoolArray, CameraModel, DoubleArray, FloatArray
 
 #: Maximum and minimum number of correspondences.
@@ -26,6 +30,8 @@ TRUSTED_SHARE = 0.7
 REFINE_ROUNDS, MIN_SIGMA_PX = 8, 0.15
 #: Steps below this end the rounds, radians; added to the squared length of a line's direction, which may be zero.
 SMALL_RAD, LENGTH_FLOOR = 1e-6, 1e-6
+#: Added to the diagonal of the normal equations: without parallax the direction is not determined.
+RIDGE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -77,7 +83,9 @@ class EpipolarLines:
 
 def normalised(points: FloatArray, camera: CameraModel) -> DoubleArray:
     """(..., 2) pixels -> coordinates on the image plane at distance one."""
-    out: DoubleArray = (points - np.array([camera.cx, camera.cy])) / np.array([camera.fx, camera.fy])
+    out = np.empty(points.shape)
+    out[..., 0] = (points[..., 0] - np.float64(camera.cx)) / camera.fx
+    out[..., 1] = (points[..., 1] - np.float64(camera.cy)) / camera.fy
     return out
 
 
@@ -125,27 +133,34 @@ def _ransac(q: DoubleArray, p: DoubleArray, focal_px: float) -> PoseEstimate | N
 
 def refine_pose(q: DoubleArray, p: DoubleArray, start: PoseEstimate, focal_px: float) -> PoseEstimate:
     """Gauss-Newton on the five parameters, Tukey-weighted distances to the epipolar lines (IRLS)."""
-    jacobian: DoubleArray = np.empty((5, len(q)))
-
-    def errors(pose: _Pose) -> DoubleArray:
-        nonlocal jacobian
-        error, jacobian = _linearised(q, p, pose.rotation, pose.direction, _tilts(pose.direction))
-        return error
-
-    def weights(error: DoubleArray) -> DoubleArray:
-        return tukey_weights(error, max(MIN_SIGMA_PX / focal_px, MAD_TO_SIGMA * float(np.median(np.abs(error)))))
-
-    def solve(pose: _Pose, error: DoubleArray, weights: DoubleArray) -> _Pose | None:
-        weighted = jacobian * weights
-        step = -np.asarray(np.linalg.solve(weighted @ jacobian.T + 1e-9 * np.eye(5), weighted @ error), np.float64)
-        return None if np.abs(step).max() < SMALL_RAD else pose.stepped(step)
-
-    rotation, direction = reweighted(_Pose(start.rotation, start.direction), errors, weights, solve, REFINE_ROUNDS)
-    agreeing = np.abs(_linearised(q, p, rotation, direction, _tilts(direction))[0]) * focal_px < INLIER_PX
-    motion = PoseEstimate(rotation, direction, float(agreeing.mean()))
-    if np.median(epipolar_lines(q, motion).position(p)) < 0.0:
-        motion = PoseEstimate(rotation, -direction, motion.inlier_share)
+    q, p = np.ascontiguousarray(q), np.ascontiguousarray(p)
+    distance, slope = np.empty(len(q)), np.empty((len(q), 5))
+    pose, least_sigma = _Pose(start.rotation, start.direction), MIN_SIGMA_PX / focal_px
+    for _ in range(REFINE_ROUNDS):
+        tilts = _tilts(pose.direction)
+        _linearise(q, p, *pose, tilts, distance, slope)
+        step = _step(distance, slope, least_sigma)
+        if np.abs(step).max() < SMALL_RAD:
+            break
+        pose = pose.stepped(step, tilts)
+    _linearise(q, p, *pose, _tilts(pose.direction), distance, slope)
+    share = np.count_nonzero(np.abs(distance) * focal_px < INLIER_PX) / len(q)
+    motion = PoseEstimate(*pose, share)
+    if median(epipolar_lines(q, motion).position(p)) < 0.0:
+        motion = PoseEstimate(pose.rotation, -pose.direction, share)
     return motion
+
+
+def _step(distance: DoubleArray, slope: DoubleArray, least_sigma: float) -> DoubleArray:
+    """(5,) of the parameters, by least squares with Tukey's weights.
+
+    distance: (N,), slope: (N, 5), see ``_linearise``; least_sigma: of the distances, normalised.
+    """
+    normal, right = np.empty((5, 5)), np.empty(5)
+    bound = TUKEY_C * max(least_sigma, MAD_TO_SIGMA * median(np.abs(distance)))
+    tukey_sums(slope, distance, bound, normal, right)
+    normal.flat[::6] += RIDGE
+    return -np.asarray(np.linalg.solve(normal, right), np.float64)
 
 
 class _Pose(NamedTuple):
@@ -154,42 +169,52 @@ class _Pose(NamedTuple):
     rotation: DoubleArray
     direction: DoubleArray
 
-    def stepped(self, step: DoubleArray) -> _Pose:
-        """step: (5,) three angles of a small turn, two tilts of the direction, radians."""
-        direction = self.direction + step[3:] @ _tilts(self.direction)
+    def stepped(self, step: DoubleArray, tilts: DoubleArray) -> _Pose:
+        """step: (5,) three angles of a small turn, two ``tilts`` of the direction, radians."""
+        direction = self.direction + step[3:] @ tilts
         turn = np.asarray(cv2.Rodrigues(step[:3])[0], np.float64)
-        return _Pose(turn @ self.rotation, direction / np.linalg.norm(direction))
+        return _Pose(turn @ self.rotation, direction / math.sqrt(direction @ direction))
 
 
 def _tilts(direction: DoubleArray) -> DoubleArray:
     """(2, 3) two ways to tilt a unit vector, at right angles to it and to each other."""
-    x, y, z = direction
-    one = np.array([0.0, z, -y] if abs(x) < 0.6 else [-z, 0.0, x])
-    one /= np.linalg.norm(one)
-    return np.stack([one, np.cross(direction, one)])
+    x, y, z = direction.tolist()
+    a, b, c = (0.0, z, -y) if abs(x) < 0.6 else (-z, 0.0, x)
+    length = math.hypot(a, b, c)
+    a, b, c = a / length, b / length, c / length
+    return np.array([[a, b, c], [y * c - z * b, z * a - x * c, x * b - y * a]])
 
 
-def _linearised(
-    q: DoubleArray, p: DoubleArray, rotation: DoubleArray, direction: DoubleArray, tilts: DoubleArray,
-) -> tuple[DoubleArray, DoubleArray]:
-    """(N,) signed distance of p to its epipolar line, normalised units, and (5, N) its derivative.
+@kernel(error_model='numpy')
+def infinitely_far(x, y, rotation):  # type: ignore[no-untyped-def]
+    """The place p0 = R q of a point q = (x, y) and the third component of R (q, 1), by which it is divided."""
+    depth = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2]
+    return ((rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2]) / depth,
+            (rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2]) / depth, depth)
+
+
+@kernel(error_model='numpy')
+def _linearise(q, p, rotation, direction, tilts, distance, slope):  # type: ignore[no-untyped-def]
+    """``distance``: (N,) of p from its epipolar line, signed, normalised units; ``slope``: (N, 5) its derivative.
 
     The derivative is by a small turn of the camera (three angles, radians) and by the two ``tilts`` of the direction.
     With f = (far, 1) the distance is f . (p x t) over the length of the line's direction vector v.
     """
-    (x, y, z), (px, py) = direction, p.T
-    fx, fy, depth = rotation[:, :2] @ q.T + rotation[:, 2:]
-    fx, fy = fx / depth, fy / depth
-    vx, vy = x - z * fx, y - z * fy
-    gx, gy, gz = z * py - y, x - z * px, y * px - x * py  # p x t
-    area = fx * gx + fy * gy + gz
-    per_turn = np.stack([fy * gz - gy - area * fy, gx - fx * gz + area * fx, fx * gy - fy * gx])
-    per_tilt = tilts @ np.stack([fy - py, px - fx, fx * py - fy * px])
-    stretch_turn = -z * np.stack([-vx * fx * fy - vy * (1.0 + fy * fy), vx * (1.0 + fx * fx) + vy * fx * fy,
-                                  vy * fx - vx * fy])
-    stretch_tilt = tilts @ np.stack([vx, vy, -vx * fx - vy * fy])
-    squared = vx * vx + vy * vy + LENGTH_FLOOR
-    distance = area / np.sqrt(squared)
-    slope = np.concatenate([per_turn, per_tilt]) / np.sqrt(squared)
-    slope -= np.concatenate([stretch_turn, stretch_tilt]) * (distance / squared)
-    return distance, slope
+    x, y, z = direction[0], direction[1], direction[2]
+    for n in range(len(q)):
+        px, py = p[n, 0], p[n, 1]
+        fx, fy, _ = infinitely_far(q[n, 0], q[n, 1], rotation)
+        vx, vy = x - z * fx, y - z * fy
+        gx, gy, gz = z * py - y, x - z * px, y * px - x * py  # p x t
+        area, squared = fx * gx + fy * gy + gz, vx * vx + vy * vy + LENGTH_FLOOR
+        per_length = 1.0 / squared ** 0.5
+        away = area * per_length
+        stretch = away / squared
+        distance[n] = away
+        slope[n, 0] = (fy * gz - gy - area * fy) * per_length - z * (vx * fx * fy + vy * (1.0 + fy * fy)) * stretch
+        slope[n, 1] = (gx - fx * gz + area * fx) * per_length + z * (vx * (1.0 + fx * fx) + vy * fx * fy) * stretch
+        slope[n, 2] = (fx * gy - fy * gx) * per_length + z * (vy * fx - vx * fy) * stretch
+        for k in range(2):
+            a, b, c = tilts[k, 0], tilts[k, 1], tilts[k, 2]
+            slope[n, 3 + k] = ((a * (fy - py) + b * (px - fx) + c * (fx * py - fy * px)) * per_length
+                               - (a * vx + b * vy - c * (vx * fx + vy * fy)) * stretch)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from motion_detect_ros.core.geometry.robust import reweighted, tukey_weights
+from motion_detect_ros.core.geometry.normal_equations import tukey_sums
+from motion_detect_ros.core.geometry.robust import TUKEY_C
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import BoolArray, DoubleArray
 
 #: Points used at most and needed at least, and random planes tried.
@@ -29,10 +32,15 @@ class GroundPlane:
 
     def least_inverse_depth(self, points: DoubleArray) -> DoubleArray:
         """(...,) inverse depth that a static point seen at ``points`` (..., 2) cannot fall below; 0 = infinity."""
-        g = self.coefficients
-        plane = points @ g[:2] + g[2]
-        least: DoubleArray = np.maximum(0.0, plane * (1.0 - DEPTH_SLACK) - TILT_SLACK_RAD * np.hypot(g[0], g[1]))
+        least: DoubleArray = np.maximum(0.0, points @ self.limit[:2] + self.limit[2])
         return least
+
+    @property
+    def limit(self) -> DoubleArray:
+        """(3,) a plane like ``coefficients`` that real ground does not fall below."""
+        g: DoubleArray = self.coefficients * (1.0 - DEPTH_SLACK)
+        g[2] -= TILT_SLACK_RAD * math.hypot(*self.coefficients[:2])
+        return g
 
 
 def fit_ground(points: DoubleArray, inverse_depth: DoubleArray, sigma: DoubleArray) -> GroundPlane | None:
@@ -40,19 +48,14 @@ def fit_ground(points: DoubleArray, inverse_depth: DoubleArray, sigma: DoubleArr
 
     points: (N, 2) normalised, of the lower half of the image; inverse_depth, sigma: (N,), sigma one deviation.
     """
-    step = max(1, -(-len(points) // MAX_POINTS))
-    design = np.column_stack([points[::step], np.ones(len(points[::step]))])
-    target, sigma = inverse_depth[::step], sigma[::step]
-    if len(target) < MIN_POINTS:
+    if len(points) < MIN_POINTS:
         return None
-
-    def solve(_: DoubleArray, error: DoubleArray, weights: DoubleArray) -> DoubleArray:
-        weighted = design * (weights / sigma ** 2)[:, None]
-        return np.asarray(np.linalg.lstsq(weighted.T @ design, weighted.T @ target, rcond=None)[0], np.float64)
-
-    plane = reweighted(_consensus(design, target, sigma), lambda plane: (design @ plane - target) / sigma,
-                       tukey_weights, solve, ROUNDS)
-    share = float((np.abs(design @ plane - target) < AGREE_SIGMAS * sigma).mean())
+    rows, target = np.column_stack([points, np.ones(len(points))]) / sigma[:, None], inverse_depth / sigma
+    plane, normal, right = _consensus(rows, target), np.empty((3, 3)), np.empty(3)
+    for _ in range(ROUNDS):
+        tukey_sums(rows, rows @ plane - target, TUKEY_C, normal, right)
+        plane = plane - np.linalg.lstsq(normal, right, rcond=None)[0]
+    share = _agreeing(rows, target, plane) / len(points)
     return GroundPlane(plane) if share >= MIN_SHARE and plane[1] > 0.0 else None
 
 
@@ -65,18 +68,31 @@ def ground_below(
     earlier: (..., 2) normalised; inverse_depth: (...,); reach_px: (...,) pixels that a point moves for one unit of s;
     noise_px: of the points' motion, one deviation.
     """
-    use = below & (inverse_depth > 0.0)
-    inverse = inverse_depth[use]
-    sigma = noise_px / np.maximum(reach_px[use], 1e-3) + DEPTH_NOISE_SHARE * inverse + 1e-4
-    return fit_ground(earlier[use], inverse, sigma)
+    use = np.flatnonzero(below & (inverse_depth > 0.0))
+    use = use[::max(1, -(-use.size // MAX_POINTS))]
+    inverse = inverse_depth.ravel()[use]
+    sigma = noise_px / np.maximum(reach_px.ravel()[use], 1e-3) + DEPTH_NOISE_SHARE * inverse + 1e-4
+    return fit_ground(earlier.reshape(-1, 2)[use], inverse, sigma)
 
 
-def _consensus(design: DoubleArray, target: DoubleArray, sigma: DoubleArray) -> DoubleArray:
-    """The plane through three points that the most points agree with."""
+def _consensus(rows: DoubleArray, target: DoubleArray) -> DoubleArray:
+    """The plane through three points that the most points agree with.
+
+    rows: (N, 3) points (x, y, 1), target: (N,) their inverse depths, both over the deviation of the latter.
+    """
     random = np.random.default_rng(0)
     picks = random.integers(0, len(target), (TRIALS, 3))
-    triples = design[picks] + 1e-9 * np.eye(3)
+    triples = rows[picks] + 1e-9 * np.eye(3)
     planes = np.linalg.solve(triples, target[picks][..., None])[..., 0]
-    agree = (np.abs(design @ planes.T - target[:, None]) < AGREE_SIGMAS * sigma[:, None]).sum(axis=0)
-    best: DoubleArray = planes[int(np.argmax(agree))]
+    best: DoubleArray = planes[int(np.argmax([_agreeing(rows, target, plane) for plane in planes]))]
     return best
+
+
+@kernel(error_model='numpy')
+def _agreeing(rows, target, plane):  # type: ignore[no-untyped-def]
+    """Number of points that agree with a plane, (3,); ``rows``, ``target`` as of ``_consensus``."""
+    count = 0
+    for n in range(len(target)):
+        error = rows[n, 0] * plane[0] + rows[n, 1] * plane[1] + rows[n, 2] * plane[2] - target[n]
+        count += abs(error) < AGREE_SIGMAS
+    return count

@@ -59,8 +59,7 @@ def theta_matrix(theta: DoubleArray, centre: DoubleArray) -> DoubleArray:
     normal[:2, :2] += slopes + np.outer(a, perspective)
     normal[:2, 2] = a
     normal[2, :2] = perspective
-    to_normal = _to_normal(centre)
-    matrix = np.linalg.inv(to_normal) @ normal @ to_normal
+    matrix = _from_normal(centre) @ normal @ _to_normal(centre)
     scaled: DoubleArray = matrix / matrix[2, 2]
     return scaled
 
@@ -70,8 +69,7 @@ def matrix_theta(matrix: DoubleArray, centre: DoubleArray) -> DoubleArray:
 
     centre: (2,) of the image, pixels.
     """
-    to_normal = _to_normal(centre)
-    normal = to_normal @ matrix @ np.linalg.inv(to_normal)
+    normal = _to_normal(centre) @ matrix @ _from_normal(centre)
     normal = normal / normal[2, 2]
     a, perspective = normal[:2, 2], normal[2, :2]
     slopes = normal[:2, :2] - np.eye(2) - np.outer(a, perspective)
@@ -106,11 +104,11 @@ def jacobian(family: ModelFamily, theta: DoubleArray, x: DoubleArray, centre: Do
     if not family.polynomial:
         depth = 1.0 + x @ theta[6:] / reach
         ray = x + x @ theta[[[1, 2], [4, 5]]].T / reach
-    out = np.zeros((count, 2, 8))
-    out[:, 0, 0] = out[:, 1, 3] = 1.0
-    out[:, 0, 1:3] = out[:, 1, 4:6] = x / depth[:, None]
-    out[:, :, 6:] = -ray[:, :, None] * x[:, None, :] / (depth ** 2)[:, None, None]
-    return out
+    out = np.zeros((8, 2, count))  # in the order in which the normal equations read it
+    out[0, 0] = out[3, 1] = 1.0
+    out[1:3, 0] = out[4:6, 1] = x.T / depth
+    out[6:] = -ray.T * x.T[:, None] / depth ** 2
+    return out.transpose(2, 1, 0)
 
 
 def _reach(centre: DoubleArray) -> float:
@@ -120,6 +118,12 @@ def _reach(centre: DoubleArray) -> float:
 def _to_normal(centre: DoubleArray) -> DoubleArray:
     scale = 1.0 / _reach(centre)
     return np.array([[scale, 0.0, -scale * centre[0]], [0.0, scale, -scale * centre[1]], [0.0, 0.0, 1.0]])
+
+
+def _from_normal(centre: DoubleArray) -> DoubleArray:
+    """The inverse of ``_to_normal``."""
+    reach = _reach(centre)
+    return np.array([[reach, 0.0, centre[0]], [0.0, reach, centre[1]], [0.0, 0.0, 1.0]])
 
 
 def _start_translation(points: FloatArray, moved: FloatArray, threshold_px: float) -> DoubleArray | None:

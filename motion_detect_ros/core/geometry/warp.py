@@ -7,6 +7,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import ByteArray, DoubleArray, FloatArray
 
 
@@ -55,10 +56,16 @@ def inverse(matrix: DoubleArray) -> DoubleArray:
 
 def apply(matrix: DoubleArray, points: FloatArray) -> FloatArray:
     """(..., 2) float32 points, pixels, transformed by a (3, 3) matrix, with the perspective division."""
-    m = matrix.astype(np.float32)
-    x, y = points[..., 0], points[..., 1]
-    depth = m[2, 0] * x + m[2, 1] * y + m[2, 2]
-    moved = np.empty_like(points)
-    moved[..., 0] = (m[0, 0] * x + m[0, 1] * y + m[0, 2]) / depth
-    moved[..., 1] = (m[1, 0] * x + m[1, 1] * y + m[1, 2]) / depth
+    moved = np.empty(points.shape, points.dtype)
+    _apply(matrix.astype(np.float32), np.ascontiguousarray(points).reshape(-1, 2), moved.reshape(-1, 2))
     return moved
+
+
+@kernel(error_model='numpy')
+def _apply(m, points, moved):  # type: ignore[no-untyped-def]
+    a, b, c, d, e, f, g, h, i = m[0, 0], m[0, 1], m[0, 2], m[1, 0], m[1, 1], m[1, 2], m[2, 0], m[2, 1], m[2, 2]
+    for n in range(len(points)):
+        x, y = points[n, 0], points[n, 1]
+        depth = g * x + h * y + i
+        moved[n, 0] = (a * x + b * y + c) / depth
+        moved[n, 1] = (d * x + e * y + f) / depth

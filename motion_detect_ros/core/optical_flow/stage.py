@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
-import cv2
 import numpy as np
 
 from motion_detect_ros.core.config import PipelineConfig
@@ -15,6 +16,7 @@ from motion_detect_ros.core.geometry.warp import at_scale, stabilise
 from motion_detect_ros.core.optical_flow.alternatives.regions import RegionsOfInterest, confined
 from motion_detect_ros.core.optical_flow.conversion import total_flow
 from motion_detect_ros.core.periods import Every
+from motion_detect_ros.core.threads import threads
 from motion_detect_ros.core.types import EgoMotion, FloatArray, FlowField, PreparedFrame
 
 
@@ -40,17 +42,23 @@ class OpticalFlowStage:
         self._regions.reset()
         self._every.reset()
 
-    def process(self, frame: PreparedFrame, ego: EgoMotion, reference: ReferenceFrame | None) -> FlowField:
+    def process(
+        self, frame: PreparedFrame, ego: EgoMotion, reference: ReferenceFrame | None, later: bool = False,
+    ) -> FlowField:
         """Flow from ``reference`` into ``frame``; all NaN without a reference, and in frames where none is due.
 
-        ego: motion into ``frame``; reference: what ``FrameHistory`` returns for it.
+        ego: motion into ``frame``; reference: what ``FrameHistory`` returns for it. later: computed when it is asked
+        for, where the next one does not depend on it; settings must not change before.
         """
         if not ego.ok:
             self._every.reset()
+        flow: FloatArray | Callable[[], FloatArray]
         if not self._every.due(ego.dt_s) or reference is None:
             flow = self._unknown(frame)
         else:
-            flow = self._between(reference, frame, ego)
+            flow = partial(self._between, reference, frame, ego)
+            if not later or self._config.full_every > 1:
+                flow = flow()
             self._every.done()
         return FlowField(flow, frame.width, frame.height, frame.stamp_ns)
 
@@ -62,7 +70,7 @@ class OpticalFlowStage:
         rows, columns = grid_shape(frame, self._config.grid_px)
         stabilised = stabilise(reference.gray, at_scale(reference.matrix, frame.scale))
         boxes = self._regions.boxes(frame, ego, (rows, columns))
-        worker = self._worker if cv2.getNumThreads() > 1 else None
+        worker = self._worker if threads() > 1 else None
         shift = forward_backward_flow(
             confined(self._flow, boxes), frame.gray, stabilised, rows, columns, self._config.forward_backward_px,
             worker and BackwardWorker(confined(worker.flow, boxes), worker.pool))

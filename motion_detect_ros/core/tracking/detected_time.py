@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from itertools import compress
 
 from motion_detect_ros.core.periods import exceeded, reached
 
@@ -18,27 +19,30 @@ class DetectedTime:
 
     def __init__(self, window_s: float) -> None:
         self._window_s = window_s
-        self._frames: deque[tuple[float, bool, bool]] = deque()
+        self._periods: deque[float] = deque()
+        self._detected: deque[bool] = deque()
+        self._measured: deque[bool] = deque()
 
     def add(self, dt_s: float, detected: bool, measured: bool = True) -> None:
         """Add a frame; dt_s: since the one before, seconds; measured: see ``Candidate``.
 
         Frames that do not fit the window are removed.
         """
-        self._frames.append((dt_s, detected, detected and measured))
-        while len(self._frames) > MIN_FRAMES and exceeded(sum(self._periods()), self._window_s, dt_s):
-            self._frames.popleft()
+        self._periods.append(dt_s)
+        self._detected.append(detected)
+        self._measured.append(detected and measured)
+        while len(self._periods) > MIN_FRAMES and exceeded(sum(self._periods), self._window_s, dt_s):
+            for each in (self._periods, self._detected, self._measured):
+                each.popleft()
 
     def for_at_least(self, seconds: float) -> bool:
         """Whether the object was detected for ``seconds``, and measured in two frames at least."""
-        times = self._periods(detected=True)
-        measured = sum(measured for *_, measured in self._frames)
-        return measured >= MIN_DETECTIONS and reached(sum(times), seconds, times[-1])
+        if sum(self._measured) < MIN_DETECTIONS:
+            return False
+        times = list(compress(self._periods, self._detected))
+        return reached(sum(times), seconds, times[-1])
 
     def missed_longer_than(self, seconds: float) -> bool:
         """Whether it was missed for longer than ``seconds``, and in more than a few frames."""
-        times = self._periods(detected=False)
+        times = [dt_s for dt_s, detected in zip(self._periods, self._detected, strict=True) if not detected]
         return len(times) > FEW_MISSES and exceeded(sum(times), seconds, times[-1])
-
-    def _periods(self, detected: bool | None = None) -> list[float]:
-        return [dt_s for dt_s, was, _ in self._frames if detected is None or was is detected]

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.forgetting import kept
-from motion_detect_ros.core.geometry.carried import length_scale
+from motion_detect_ros.core.geometry.carried import Rows
+from motion_detect_ros.core.geometry.vectors import Pair
 from motion_detect_ros.core.periods import exceeded
 from motion_detect_ros.core.tracking.alternatives.appearance import Appearance
 from motion_detect_ros.core.tracking.detected_time import DetectedTime
 from motion_detect_ros.core.tracking.motion_filter import MotionFilter
 from motion_detect_ros.core.tracking.time_to_contact import Approach
-from motion_detect_ros.core.tracking.travel import Others, Travel
+from motion_detect_ros.core.tracking.travel import Travel
 from motion_detect_ros.core.types import DoubleArray
 
 #: Measurement noise of a box centre, share of the box's side; and process noise of the velocity, shares per second.
@@ -35,6 +34,9 @@ SIZE_GAIN = 0.3
 #: How fast an object that is recognised by its appearance, but shows no motion, comes to rest, seconds.
 REST_S = 0.08
 
+#: The warp of a camera that does not move.
+AT_REST: Rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+
 
 class Track:
     """One object over time; times are seconds, lengths full-resolution pixels."""
@@ -42,8 +44,8 @@ class Track:
     def __init__(self, seen: Candidate, dt_s: float, window_s: float) -> None:
         """dt_s: period of the frame it was seen in; window_s: of ``detected``; seconds."""
         self.id = 0
-        self._filter = MotionFilter(seen.centre, seen.velocity_px_s, self._noise(seen.size))
-        self.size = seen.size
+        centre, self.size = _pair(seen.centre), _pair(seen.size)
+        self._filter = MotionFilter(centre, _pair(seen.velocity_px_s), self._noise())
         self.seen = seen
         self.age = 1
         self.coasted_s, self._coasted_frames = 0.0, 0
@@ -51,7 +53,7 @@ class Track:
         self.detected.add(dt_s, True, seen.measured)
         self.log_odds = _weight(dt_s) * seen.log_odds
         self.travelled_log_odds = 0.0
-        self._travel = Travel(seen.centre)
+        self._travel = Travel(centre)
         self.gate_inflation_px = 0.0
         self.approach = Approach()
         self.approach.update(seen.growth)
@@ -59,63 +61,66 @@ class Track:
         self.recognised_s = 0.0
         self._log_odds_seen = self.log_odds
 
-    @staticmethod
-    def _noise(size: DoubleArray) -> float:
-        return max(MIN_CENTRE_PX, CENTRE_SHARE * math.sqrt(size[0] * size[1])) ** 2
+    def _noise(self) -> float:
+        return max(MIN_CENTRE_PX, CENTRE_SHARE * math.sqrt(self.size[0] * self.size[1])) ** 2
 
     @property
-    def state(self) -> DoubleArray:
-        """(4,) u, v, du/dt, dv/dt: pixels and pixels/s, velocity against the background."""
-        return self._filter.state
+    def centre(self) -> Pair:
+        """u, v, pixels."""
+        return self._filter.centre
+
+    @property
+    def velocity(self) -> Pair:
+        """du/dt, dv/dt against the background, pixels/s."""
+        return self._filter.velocity
 
     @property
     def belief(self) -> float:
         """Log odds of the frames and of the way together."""
         return self.log_odds + self.travelled_log_odds
 
-    def weigh_travel(self, others: Others) -> None:
-        """What the way since the start tells, unless it has stopped or one of the others is larger and close."""
-        centre = self.state[:2]
-        added = 0.0 if self.recognised_s else self._travel.log_odds(centre, self.size)
-        self.travelled_log_odds = 0.0 if added and others.holds_larger(centre, self.size) else added
+    def weigh_travel(self) -> bool:
+        """What the way since the start tells, unless it has stopped; returns whether it tells anything."""
+        self.travelled_log_odds = 0.0 if self.recognised_s else self._travel.log_odds(self.centre, self.size)
+        return self.travelled_log_odds > 0.0
 
     @property
-    def velocity_variance(self) -> DoubleArray:
-        """(2,) variance of the velocity, (pixels/s)^2, corrected by what was measured."""
+    def velocity_variance(self) -> Pair:
+        """Variance of the velocity along both axes, (pixels/s)^2, corrected by what was measured."""
         return self._filter.velocity_variance
 
     def inside(self, width: int, height: int) -> bool:
         """Whether the centre is on an image of ``width`` x ``height`` pixels."""
-        return bool(0.0 <= self.state[0] < width and 0.0 <= self.state[1] < height)
+        u, v = self.centre
+        return 0.0 <= u < width and 0.0 <= v < height
 
-    def visible(self, width: int, height: int) -> tuple[DoubleArray, DoubleArray]:
-        """Centre and size of the part of the box that is on the image, (2,) each; edges at pixel borders."""
-        low = np.maximum(self.state[:2] - self.size / 2.0, 0.0)
-        high = np.minimum(self.state[:2] + self.size / 2.0, [width, height])
-        return (low + high) / 2.0, high - low
+    def covers(self, centre: Pair) -> bool:
+        """Whether a place, pixels, is in its box."""
+        (u, v), (width, height) = self.centre, self.size
+        return abs(u - centre[0]) < 0.5 * width and abs(v - centre[1]) < 0.5 * height
 
-    def predict(self, matrix: DoubleArray, dt_s: float) -> None:
+    def predict(self, rows: Rows, scale: float, dt_s: float) -> None:
         """Carry state, covariance and size over ``dt_s`` seconds: ego-motion of the position, then own velocity.
 
-        matrix: (3, 3) previous pixel -> current pixel, full resolution.
+        rows: of the warp previous pixel -> current pixel, full resolution; scale: by how much lengths grow under it.
         """
         self.approach.predict(dt_s)
-        self.size = self.size * length_scale(matrix)
+        self.size = self.size[0] * scale, self.size[1] * scale
         side = max(MIN_ACCELERATION_PX, math.sqrt(self.size[0] * self.size[1]))
-        self._filter.predict(matrix, dt_s, ACCELERATION_SHARE * side)
-        self._travel.predict(matrix, dt_s)
+        self._filter.predict(rows, dt_s, ACCELERATION_SHARE * side)
+        self._travel.predict(rows, dt_s)
 
     def predict_without_ego_motion(self, camera_px: float, dt_s: float) -> None:
         """The same with the camera's motion unknown: none is assumed, ``camera_px`` is its deviation along an axis."""
-        self.predict(np.eye(3), dt_s)
+        self.predict(AT_REST, 1.0, dt_s)
         self._filter.widen(camera_px ** 2)
-        self.gate_inflation_px = float(np.hypot(self.gate_inflation_px, camera_px))
+        self.gate_inflation_px = math.hypot(self.gate_inflation_px, camera_px)
 
     def update(self, seen: Candidate, dt_s: float) -> None:
         """Correct with a detection's centre and flow velocity (Kalman 1960); sizes are averaged, log odds add up."""
-        mismatch = np.log(seen.size / self.size)
-        self._filter.correct(seen.centre, seen.velocity_px_s, self._noise(self.size))
-        self.size = self.size + SIZE_GAIN / (1.0 + mismatch * mismatch) * (seen.size - self.size)
+        self._filter.correct(_pair(seen.centre), _pair(seen.velocity_px_s), self._noise())
+        (width, height), (seen_width, seen_height) = self.size, _pair(seen.size)
+        self.size = _averaged(width, seen_width), _averaged(height, seen_height)
         self._add_log_odds(seen.log_odds, _weight(dt_s), dt_s)
         self.approach.update(seen.growth)
         self.seen = seen
@@ -129,14 +134,14 @@ class Track:
         self._add_log_odds(MISS_LOG_ODDS, min(1.0, _weight(dt_s)), dt_s)  # one miss, however long the period
         self._coast(dt_s)
 
-    def coast_recognised(self, centre: DoubleArray, dt_s: float, appearance_hold_s: float) -> None:
+    def coast_recognised(self, centre: Pair, dt_s: float, appearance_hold_s: float) -> None:
         """The object shows no motion but was recognised at ``centre``: log odds fade to 0 over ``appearance_hold_s``.
 
-        centre: (2,) full-resolution pixels; dt_s: since the last frame, seconds; appearance_hold_s: over 0, seconds.
+        centre: full-resolution pixels; dt_s: since the last frame, seconds; appearance_hold_s: over 0, seconds.
         """
         self.recognised_s += dt_s
         self._filter.correct_place(centre, MIN_CENTRE_PX ** 2)
-        self.state[2:] *= kept(dt_s, REST_S)
+        self._filter.slow(kept(dt_s, REST_S))
         self.log_odds = self._log_odds_seen * max(0.0, 1.0 - self.recognised_s / appearance_hold_s)
         self.coasted_s, self._coasted_frames = 0.0, 0
         self.gate_inflation_px = 0.0
@@ -161,6 +166,16 @@ class Track:
     def _add_log_odds(self, log_odds: float, weight: float, dt_s: float) -> None:
         before = kept(dt_s, LOG_ODDS_MEMORY_S) * self.log_odds
         self.log_odds = min(MAX_LOG_ODDS, before + weight * log_odds)
+
+
+def _pair(vector: DoubleArray) -> Pair:
+    x, y = vector.tolist()
+    return x, y
+
+
+def _averaged(side: float, seen: float) -> float:
+    mismatch = math.log(seen / side)
+    return side + SIZE_GAIN / (1.0 + mismatch * mismatch) * (seen - side)
 
 
 def _weight(dt_s: float) -> float:

@@ -11,13 +11,14 @@ from scipy.optimize import linear_sum_assignment
 
 from motion_detect_ros.core.config import TracksConfig
 from motion_detect_ros.core.detection.candidate import Candidate
-from motion_detect_ros.core.detection.scoring import probability
 from motion_detect_ros.core.forgetting import kept
+from motion_detect_ros.core.geometry.carried import length_scale
 from motion_detect_ros.core.tracking.alternatives.appearance import APPEARANCE_MODELS
 from motion_detect_ros.core.tracking.nested import known_longest
+from motion_detect_ros.core.tracking.report import reported
 from motion_detect_ros.core.tracking.track import Track
 from motion_detect_ros.core.tracking.travel import Others
-from motion_detect_ros.core.types import ByteArray, DoubleArray, RecordArray, empty_detections
+from motion_detect_ros.core.types import ByteArray, DoubleArray, RecordArray
 
 #: Ids are uint32.
 MAX_ID = 0xFFFFFFFF
@@ -112,10 +113,11 @@ class Tracker:
         """Learn an object's appearance while its box shows the whole object."""
         if self._learn is None or gray is None or not track.id:
             return
-        off = np.abs(track.seen.centre - track.state[:2]) - SETTLED_SHARE * track.size
-        if (off < SETTLED_PX).all() and (np.abs(np.log(track.seen.size / track.size)) < SETTLED_LOG_SIZE).all():
+        centre, size = np.array(track.centre), np.array(track.size)
+        off = np.abs(track.seen.centre - centre) - SETTLED_SHARE * size
+        if (off < SETTLED_PX).all() and (np.abs(np.log(track.seen.size / size)) < SETTLED_LOG_SIZE).all():
             scale = gray.shape[1] / width
-            learnt = self._learn(gray, track.state[:2] * scale, track.size * scale)
+            learnt = self._learn(gray, centre * scale, size * scale)
             track.appearance = learnt or track.appearance
 
     def _recognise(self, track: Track, gray: ByteArray | None, dt_s: float, width: int) -> bool:
@@ -123,13 +125,14 @@ class Tracker:
         if gray is None or track.appearance is None or track.recognised_s + dt_s > self._config.appearance_hold_s:
             return False
         if any(other is not track and other.id and not other.coasted_s and not other.recognised_s
-               and (np.abs(other.state[:2] - track.state[:2]) < 0.5 * other.size).all() for other in self._tracks):
+               and other.covers(track.centre) for other in self._tracks):
             return False  # another track has been detected there
         scale = gray.shape[1] / width
-        found = track.appearance.find(gray, track.state[:2] * scale, track.size * scale)
+        found = track.appearance.find(gray, np.array(track.centre) * scale, np.array(track.size) * scale)
         if found is None:
             return False
-        track.coast_recognised(found / scale, dt_s, self._config.appearance_hold_s)
+        u, v = (found / scale).tolist()
+        track.coast_recognised((u, v), dt_s, self._config.appearance_hold_s)
         return True
 
     def _predict(self, matrix: DoubleArray, dt_s: float, width: int, height: int) -> None:
@@ -137,8 +140,9 @@ class Tracker:
         moved = matrix @ centre
         speed_px_s = float(np.hypot(*(moved[:2] / moved[2] - centre[:2]))) / max(dt_s, 1e-6)
         self._camera_px_s = max(speed_px_s, kept(dt_s, CAMERA_SPEED_MEMORY_S) * self._camera_px_s)
+        rows, scale = matrix.tolist(), length_scale(matrix)
         for track in self._tracks:
-            track.predict(matrix, dt_s)
+            track.predict(rows, scale, dt_s)
             track.age += 1
 
     def _assign(self, candidates: list[Candidate]) -> dict[int, int]:
@@ -151,27 +155,35 @@ class Tracker:
 
     def _cost(self, candidates: list[Candidate]) -> DoubleArray:
         """(tracks, candidates) distance in units of both sizes, plus a share of the log ratio of their areas."""
-        places = np.array([track.state[:2] for track in self._tracks])
+        places = np.array([track.centre for track in self._tracks])
         sizes = np.array([track.size for track in self._tracks])
-        gate_inflation_px = np.array([track.gate_inflation_px for track in self._tracks])
+        inflation_px = GATE_INFLATION_DEVIATIONS * np.array([track.gate_inflation_px for track in self._tracks])
         seen_places, seen_sizes = np.array([seen.centre for seen in candidates]), np.array([s.size for s in candidates])
-        reach = GATE_SHARE * (sizes[:, None] + seen_sizes) + GATE_PX
-        reach += GATE_INFLATION_DEVIATIONS * gate_inflation_px[:, None, None]
-        offset = (seen_places - places[:, None]) / reach
-        distance = np.hypot(offset[..., 0], offset[..., 1])
-        ratio = np.abs(np.log(seen_sizes.prod(axis=1) / sizes.prod(axis=1)[:, None]))
-        return np.where((distance < 1.0) & (ratio < MAX_LOG_AREA_RATIO), distance + AREA_WEIGHT * ratio, FORBIDDEN)
+        offsets, reaches = [], []
+        for axis in (0, 1):
+            offsets.append(seen_places[:, axis] - places[:, axis, None])
+            reaches.append(GATE_SHARE * (sizes[:, axis, None] + seen_sizes[:, axis]) + GATE_PX + inflation_px[:, None])
+        # few pairs are near: what all pairs need is kept short
+        near = np.nonzero((np.abs(offsets[0]) < reaches[0]) & (np.abs(offsets[1]) < reaches[1]))
+        distance = np.hypot(offsets[0][near] / reaches[0][near], offsets[1][near] / reaches[1][near])
+        ratio = np.abs(np.log(seen_sizes.prod(axis=1)[near[1]] / sizes.prod(axis=1)[near[0]]))
+        cost = np.full((len(places), len(seen_places)), FORBIDDEN)
+        cost[near] = np.where(
+            (distance < 1.0) & (ratio < MAX_LOG_AREA_RATIO), distance + AREA_WEIGHT * ratio, FORBIDDEN)
+        return cost
 
     def _weigh_travel(self) -> None:
         certain = [track for track in self._tracks if track.id and track.log_odds >= self._config.show_log_odds]
-        others = Others([track.state[:2] for track in certain], [track.size for track in certain])
-        for track in self._tracks:
-            track.weigh_travel(others)
+        others = Others([track.centre for track in certain], [track.size for track in certain])
+        far = [track for track in self._tracks if track.weigh_travel()]
+        beside = others.hold_larger([track.centre for track in far], [track.size for track in far])
+        for index in np.flatnonzero(beside):
+            far[index].travelled_log_odds = 0.0
 
     def _confirm(self) -> None:
         for track in self._tracks:
-            enough = track.detected.for_at_least(self._config.confirm_s)
-            if track.id == 0 and enough and track.belief >= self._config.confirm_log_odds:
+            if track.id == 0 and track.belief >= self._config.confirm_log_odds and (
+                    track.detected.for_at_least(self._config.confirm_s)):
                 track.id = self._next_id
                 self._next_id = self._next_id % MAX_ID + 1
 
@@ -186,13 +198,4 @@ class Tracker:
     def _report(self, width: int, height: int) -> RecordArray:
         shown = known_longest(
             [track for track in self._tracks if track.id and track.belief >= self._config.show_log_odds])
-        records = empty_detections(len(shown))
-        for record, track in zip(records, shown, strict=True):
-            (record['u'], record['v']), (record['width'], record['height']) = track.visible(width, height)
-            record['vel_u'], record['vel_v'] = track.state[2:]
-            record['var_u'], record['var_v'] = track.velocity_variance
-            record['ttc'] = track.approach.time_to_contact_s
-            record['score'] = probability(track.belief)
-            record['id'], record['age'], record['area'] = track.id, track.age, track.seen.area
-            record['cluster'] = track.seen.cluster
-        return records
+        return reported(shown, width, height)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
-from motion_detect_ros.core.geometry.vectors import magnitude
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import BoolArray, DoubleArray
 
 #: Displacements of two points of one object differ by no more than this, pixels and share of the smaller one: error of
@@ -24,14 +25,22 @@ def moved_alike(displacements: Sequence[DoubleArray], pairs: Pairs) -> BoolArray
 
     displacements: (N, 2) each, longest baseline first, NaN where unknown.
     """
-    alike, known = np.zeros(len(pairs), np.bool_), np.zeros(len(pairs), np.bool_)
-    for way in displacements:
-        one, other = way[pairs[:, 0]], way[pairs[:, 1]]
-        limit = _limit(one, other)
-        with np.errstate(invalid='ignore'):
-            alike |= ~known & (magnitude(one - other) < limit)
-        known |= np.isfinite(limit)
+    alike = np.zeros(len(pairs), np.bool_)
+    if len(displacements):
+        _compare(np.array(displacements), pairs, ALIKE_PX, alike)
     return alike
+
+
+@kernel()
+def _compare(displacements, pairs, alike_px, alike):  # type: ignore[no-untyped-def]
+    """displacements: (baselines, N, 2); alike_px: ``ALIKE_PX``, which a kernel would keep as it was when compiled."""
+    for number in range(len(pairs)):
+        one, other = pairs[number]
+        for way in displacements:
+            apart = math.hypot(way[one, 0] - way[other, 0], way[one, 1] - way[other, 1])
+            if not math.isnan(apart):
+                alike[number] = apart < _limit(way, one, other, alike_px)
+                break
 
 
 def moved_as_one_body(
@@ -42,39 +51,50 @@ def moved_as_one_body(
     Across the line between two parts of a turning body their ways differ by the angle times the distance, along it they
     do not. It turns as its course does, that of both together. seconds: of the displacements' baselines.
     """
-    alike, known = np.zeros(len(pairs), np.bool_), np.zeros(len(pairs), np.bool_)
-    now = centres[pairs[:, 0]] - centres[pairs[:, 1]]
-    for way, period_s in zip(displacements, seconds, strict=False):
-        half = min(range(len(displacements)), key=lambda index: abs(seconds[index] - period_s / 2.0))
-        one, other = way[pairs[:, 0]], way[pairs[:, 1]]
-        apart, limit, later = one - other, _limit(one, other), displacements[half][pairs].mean(axis=1)
-        line = now - apart / 2.0  # as it was on the way
-        distance = magnitude(line)
-        turned_px = _turn((one + other) / 2.0 - later, later) * distance
-        with np.errstate(invalid='ignore'):
-            turned = ((np.abs((apart * line).sum(axis=1)) < limit * distance)
-                      & (np.abs(_cross(apart, line)) < (limit + turned_px) * distance))
-            near = turned | (magnitude(apart) < limit)
-        alike |= ~known & near
-        known |= np.isfinite(limit)
+    alike = np.zeros(len(pairs), np.bool_)
+    if len(displacements):
+        periods = np.array(seconds[:len(displacements)])
+        halves = np.abs(periods[:, None] / 2.0 - periods).argmin(axis=1)
+        _compare_parts(np.array(displacements), halves, centres, np.ascontiguousarray(pairs), ALIKE_PX, alike)
     return alike
 
 
-def _limit(one: DoubleArray, other: DoubleArray) -> DoubleArray:
-    limit: DoubleArray = ALIKE_PX + ALIKE_SHARE * np.minimum(magnitude(one), magnitude(other))
-    return limit
+@kernel()
+def _compare_parts(displacements, halves, centres, pairs, alike_px, alike):  # type: ignore[no-untyped-def]
+    """displacements: (baselines, P, 2); halves: (baselines,) which of them is about half as long."""
+    for number in range(len(pairs)):
+        one, other = pairs[number]
+        for index, way in enumerate(displacements):
+            x, y = way[one, 0] - way[other, 0], way[one, 1] - way[other, 1]
+            if math.isnan(x):
+                continue
+            half = displacements[halves[index]]
+            later_x, later_y = (half[one, 0] + half[other, 0]) / 2.0, (half[one, 1] + half[other, 1]) / 2.0
+            whole_x, whole_y = (way[one, 0] + way[other, 0]) / 2.0, (way[one, 1] + way[other, 1]) / 2.0
+            line_x = centres[one, 0] - centres[other, 0] - x / 2.0  # as it was on the way
+            line_y = centres[one, 1] - centres[other, 1] - y / 2.0
+            distance = math.hypot(line_x, line_y)
+            limit = _limit(way, one, other, alike_px)
+            turned_px = _turn(whole_x - later_x, whole_y - later_y, later_x, later_y) * distance
+            turned = (abs(x * line_x + y * line_y) < limit * distance
+                      and abs(x * line_y - y * line_x) < (limit + turned_px) * distance)
+            alike[number] = turned or math.hypot(x, y) < limit
+            break
 
 
-def _turn(earlier: DoubleArray, later: DoubleArray) -> DoubleArray:
-    """(n,) radians over both halves (n, 2) of a way, twice what their directions differ by; 0 where that is not
-    certain or known.
+@kernel()
+def _limit(way, one, other, alike_px):  # type: ignore[no-untyped-def]
+    """Most that two displacements, known, of one object differ by, pixels."""
+    return alike_px + ALIKE_SHARE * min(math.hypot(way[one, 0], way[one, 1]), math.hypot(way[other, 0], way[other, 1]))
+
+
+@kernel()
+def _turn(x, y, later_x, later_y):  # type: ignore[no-untyped-def]
+    """Radians over both halves of a way, twice what their directions differ by; 0 where that is not certain or
+    known.
     """
-    with np.errstate(invalid='ignore', divide='ignore'):
-        angle = np.abs(np.arctan2(_cross(earlier, later), (earlier * later).sum(axis=1)))
-        certain = angle > COURSE_PX / magnitude(earlier) + COURSE_PX / magnitude(later)
-    return np.where(certain, np.minimum(2.0 * angle, MAX_TURN), 0.0)
-
-
-def _cross(one: DoubleArray, other: DoubleArray) -> DoubleArray:
-    crossed: DoubleArray = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
-    return crossed
+    first, second = math.hypot(x, y), math.hypot(later_x, later_y)
+    angle = abs(math.atan2(x * later_y - y * later_x, x * later_x + y * later_y))
+    if first > 0.0 and second > 0.0 and angle > COURSE_PX / first + COURSE_PX / second:
+        return min(2.0 * angle, MAX_TURN)
+    return 0.0

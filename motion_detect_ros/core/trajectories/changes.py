@@ -9,14 +9,12 @@ import cv2
 import numpy as np
 
 from motion_detect_ros.core.geometry.warp import at_scale, stabilise
-from motion_detect_ros.core.trajectories.recent_frames import RecentFrame, RecentFrames
+from motion_detect_ros.core.trajectories.recent_frames import LIGHT_SIDE_PX, RecentFrame, RecentFrames, shrunk
 from motion_detect_ros.core.types import BoolArray, ByteArray
 
-#: Light is what changes over halved images shrunk by this factor, under a median and a blur (window and deviation) of
-#: so many of their pixels; by so many grey levels at most.
-LIGHT_SHRINK, LIGHT_MEDIAN, LIGHT_BLUR, LIGHT_SIGMA, MAX_LIGHT_GRAY = 8, 5, (5, 5), 1.5, 25.0
-#: Smallest side of a halved image, pixels, that the light is estimated on.
-MIN_SIDE_PX = LIGHT_SHRINK * LIGHT_MEDIAN
+#: Light is what changes over shrunk images under a median and a blur (window and deviation) of so many of their pixels;
+#: by so many grey levels at most.
+LIGHT_MEDIAN, LIGHT_BLUR, LIGHT_SIGMA, MAX_LIGHT_GRAY = 5, (5, 5), 1.5, 25.0
 #: Changed: the mean difference of this window is over so many grey levels.
 WINDOW, CHANGED_GRAY = (3, 3), 8
 
@@ -36,18 +34,18 @@ def changed_pixels(frames: RecentFrames, frames_ago: list[int]) -> BoolArray:
 
 def earlier_half(current: RecentFrame, earlier: RecentFrame) -> ByteArray:
     """(ceil(h / 2), ceil(w / 2)) the earlier frame at half its size, in the place and the light of the current one."""
-    return relit(stabilise(earlier.half, at_scale(earlier.matrix, 0.5)), current.half)
+    return relit(stabilise(earlier.half, at_scale(earlier.matrix, 0.5)), current.shrunk)
 
 
 def relit(earlier: ByteArray, current: ByteArray) -> ByteArray:
-    """(h, w) the earlier image in the light of the current one, where it changed slowly from place to place."""
-    height, width = current.shape
-    if min(height, width) < MIN_SIDE_PX:
+    """(h, w) the earlier halved image in the light of the current one, which is ``shrunk``, where the light changed
+    slowly from place to place.
+    """
+    height, width = earlier.shape
+    if min(height, width) < LIGHT_SIDE_PX:
         return earlier
-    small = (width // LIGHT_SHRINK, height // LIGHT_SHRINK)
-    one, other = (cv2.resize(image, small, interpolation=cv2.INTER_AREA) for image in (current, earlier))
-    light = cv2.GaussianBlur(cv2.medianBlur(cv2.subtract(one, other, dtype=cv2.CV_32F), LIGHT_MEDIAN), LIGHT_BLUR,
-                             LIGHT_SIGMA)
+    difference = cv2.subtract(current, shrunk(earlier), dtype=cv2.CV_32F)
+    light = cv2.GaussianBlur(cv2.medianBlur(difference, LIGHT_MEDIAN), LIGHT_BLUR, LIGHT_SIGMA)
     light = cv2.resize(np.clip(light, -MAX_LIGHT_GRAY, MAX_LIGHT_GRAY), (width, height))
     out: ByteArray = cv2.add(earlier, light, dtype=cv2.CV_8U)
     return out

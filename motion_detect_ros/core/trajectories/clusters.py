@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import Delaunay, cKDTree
+from scipy.spatial import Delaunay
 
-from motion_detect_ros.core.geometry.order_statistics import column_medians
+from motion_detect_ros.core.geometry.cells import near_others
+from motion_detect_ros.core.geometry.order_statistics import grouped_medians
 from motion_detect_ros.core.geometry.vectors import magnitude
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.trajectories.alike import moved_alike
 from motion_detect_ros.core.trajectories.changes import changed_pixels
 from motion_detect_ros.core.trajectories.linked_groups import linked_groups
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
-from motion_detect_ros.core.trajectories.plain_bodies import joined_parts
+from motion_detect_ros.core.trajectories.plain_bodies import MIN_PART, joined_parts
 from motion_detect_ros.core.trajectories.points import Points
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
@@ -35,7 +40,9 @@ MAX_SIDE_SHARE = 0.15
 #: Where short links alone hold this share of the points together, it is one, up to this size (384 of 960 pixels).
 DENSE_SHARE, MAX_DENSE_SIDE_SHARE = 0.9, 0.4
 #: Places along a link that are looked at, share of the way.
-ALONG = np.linspace(0.1, 0.9, 9, dtype=np.float32)[:, None, None]
+ALONG = np.linspace(0.1, 0.9, 9, dtype=np.float32)
+
+Numbers = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -44,7 +51,7 @@ class Cluster:
     ``background``: (2,) medians of theirs, pixels/s.
     """
 
-    members: npt.NDArray[np.intp]
+    members: Numbers
     low: FloatArray
     high: FloatArray
     velocity: DoubleArray
@@ -55,10 +62,34 @@ class Cluster:
         """The longer side of the bounds."""
         return float((self.high - self.low).max())
 
-    def at(self, members: npt.NDArray[np.intp], places: FloatArray) -> Cluster:
-        """The same with other members, at least one, at the places (N, 2) of all points."""
-        there = places[members]
-        return replace(self, members=members, low=there.min(axis=0), high=there.max(axis=0))
+
+def carried(clusters: Sequence[Cluster], before: Points, now: Points) -> list[tuple[Cluster, DoubleArray] | None]:
+    """Clusters of the points of an earlier frame in a later one, each with the (2,) median way of its points, pixels;
+    None where fewer than ``MIN_POINTS`` of them live. No point is in two clusters.
+    """
+    if not clusters:
+        return []
+    owner = np.empty(len(before), np.intp)
+    members = np.concatenate([each.members for each in clusters])
+    owner[members] = np.repeat(np.arange(len(clusters)), [len(each.members) for each in clusters])
+    was, there = now.survivors(before, members)
+    sizes = np.bincount(owner[was], minlength=len(clusters))
+    stays = sizes >= MIN_POINTS
+    if not stays.any():
+        return [None] * len(clusters)
+    kept = stays[owner[was]]
+    was, there, sizes = was[kept], there[kept], sizes[stays]
+    places = now.now[there]
+    ways = grouped_medians(places - before.now[was], sizes)
+    figures = zip(_parted(there, sizes), *_bounds(places, sizes), ways, strict=True)
+    return [_carried(cluster, *next(figures)) if stay else None
+            for cluster, stay in zip(clusters, stays.tolist(), strict=True)]
+
+
+def _carried(
+    cluster: Cluster, members: Numbers, low: FloatArray, high: FloatArray, way: DoubleArray,
+) -> tuple[Cluster, DoubleArray]:
+    return Cluster(members, low, high, cluster.velocity, cluster.background), way
 
 
 def find_clusters(points: Points, motion: PointMotion, old: BoolArray, frames: RecentFrames) -> list[Cluster]:
@@ -73,19 +104,19 @@ def find_clusters(points: Points, motion: PointMotion, old: BoolArray, frames: R
     if len(moving) < MIN_POINTS:
         return []
     places, still = points.now[moving], points.now[old & ~motion.moving]
-    links = _links(places, still)
+    height, width = frames[0].gray.shape
+    links = _links(places, still[near_others(still, places, LINK_PX, width, height)])
     links = links[moved_alike([each[moving] for each in motion.displacements], links)]
     links = links[_covered(places, links, frames)]
-    groups = [moving[group] for group in linked_groups(len(moving), links)]
-    width = frames[0].gray.shape[1]
+    groups = [moving[group] for group in linked_groups(len(moving), links, MIN_PART)]
     largest_px = MAX_SIDE_SHARE * width
     bodies = joined_parts(groups, points.now, still, motion.displacements, frames[0].half, largest_px)
-    found = [_cluster(body, points, motion) for body in bodies if len(body) >= MIN_POINTS]
+    found = _clusters([body for body in bodies if len(body) >= MIN_POINTS], points, motion)
     return [each for each in found if each.side_px <= largest_px or (
         each.side_px <= MAX_DENSE_SIDE_SHARE * width and _dense(np.searchsorted(moving, each.members), places, links))]
 
 
-def _dense(members: npt.NDArray[np.intp], places: FloatArray, links: npt.NDArray[np.intp]) -> bool:
+def _dense(members: Numbers, places: FloatArray, links: Numbers) -> bool:
     """Whether short links alone hold ``DENSE_SHARE`` of the members together. links: (n, 2) of the places (N, 2)."""
     number = np.sort(members)
     inside = links[np.isin(links, number).all(axis=1)]
@@ -94,32 +125,78 @@ def _dense(members: npt.NDArray[np.intp], places: FloatArray, links: npt.NDArray
     return max(len(group) for group in groups) >= DENSE_SHARE * len(number)
 
 
-def _links(moving: FloatArray, still: FloatArray) -> npt.NDArray[np.intp]:
-    """(n, 2) pairs of neighbours, numbers of ``moving``."""
-    near = cKDTree(moving).query(still, distance_upper_bound=LINK_PX)[0] < LINK_PX
-    first, neighbours = Delaunay(np.concatenate([moving, still[near], FAR_CORNERS])).vertex_neighbor_vertices
-    one, other = np.repeat(np.arange(len(first) - 1), np.diff(first)), neighbours
-    pairs = np.stack([one, other], axis=1)[(one < other) & (other < len(moving))].astype(np.intp)
-    short: npt.NDArray[np.intp] = pairs[_lengths(moving, pairs) <= LONG_LINK_PX]
-    return short
+def _links(moving: FloatArray, still: FloatArray) -> Numbers:
+    """(n, 2) pairs of neighbours, numbers of ``moving``, up to the longest link."""
+    first, neighbours = Delaunay(np.concatenate([moving, still, FAR_CORNERS])).vertex_neighbor_vertices
+    pairs = np.empty((3 * len(moving), 2), np.intp)  # a planar graph has fewer edges
+    return pairs[:_short_edges(first, neighbours, moving, pairs)]
 
 
-def _lengths(places: FloatArray, links: npt.NDArray[np.intp]) -> FloatArray:
+@kernel()
+def _short_edges(first, neighbours, moving, pairs):  # type: ignore[no-untyped-def]
+    """Writes the edges between ``moving`` points, the first ones; returns their number.
+
+    neighbours: those of point n from ``first[n]`` to ``first[n + 1]``.
+    """
+    count = 0
+    for one in range(len(moving)):
+        for place in range(first[one], first[one + 1]):
+            other = neighbours[place]
+            if one < other < len(moving) and _distance(moving, one, other) <= LONG_LINK_PX:
+                pairs[count, 0], pairs[count, 1] = one, other
+                count += 1
+    return count
+
+
+def _lengths(places: FloatArray, links: Numbers) -> FloatArray:
     return magnitude(places[links[:, 0]] - places[links[:, 1]])
 
 
-def _covered(places: FloatArray, links: npt.NDArray[np.intp], frames: RecentFrames) -> BoolArray:
+def _covered(places: FloatArray, links: Numbers, frames: RecentFrames) -> BoolArray:
     """(n,) whether a link lies on what changed."""
     changed = changed_pixels(frames, sorted({frames.nearest(seconds) for seconds in COVERED_S}))
-    columns, rows = np.rint(places[links[:, 0]] * (1.0 - ALONG) + places[links[:, 1]] * ALONG).astype(np.intp).T // 2
-    share = changed[rows, columns].mean(axis=1)
-    length = _lengths(places, links)
-    covered: BoolArray = np.where(length <= LINK_PX, (length < NEAR_PX) | (share >= LINK_COVERED),
-                                  share >= LONG_LINK_COVERED)
+    covered = np.empty(len(links), np.bool_)
+    _on_changes(places, links, changed, ALONG, covered)
     return covered
 
 
-def _cluster(members: npt.NDArray[np.intp], points: Points, motion: PointMotion) -> Cluster:
-    places = points.now[members]
-    return Cluster(members, places.min(axis=0), places.max(axis=0), column_medians(motion.velocity[members]),
-                   column_medians(motion.background[members]))
+@kernel()
+def _on_changes(places, links, changed, along, covered):  # type: ignore[no-untyped-def]
+    """changed: (h, w), at half of the resolution of ``places``."""
+    for link in range(len(links)):
+        one, other = links[link]
+        length = _distance(places, one, other)
+        count = 0
+        for way in along:
+            rest = np.float32(1.0) - way
+            row = int(np.rint(places[one, 1] * rest + places[other, 1] * way)) // 2
+            column = int(np.rint(places[one, 0] * rest + places[other, 0] * way)) // 2
+            count += changed[row, column]
+        least = LONG_LINK_COVERED if length > LINK_PX else LINK_COVERED if length >= NEAR_PX else 0.0
+        covered[link] = count >= least * len(along)
+
+
+@kernel()
+def _distance(places, one, other):  # type: ignore[no-untyped-def]
+    return math.hypot(places[one, 0] - places[other, 0], places[one, 1] - places[other, 1])
+
+
+def _clusters(bodies: Sequence[Numbers], points: Points, motion: PointMotion) -> list[Cluster]:
+    """bodies: indices of points each."""
+    if not bodies:
+        return []
+    members, sizes = np.concatenate(bodies), np.array([len(body) for body in bodies])
+    velocity, background = (grouped_medians(each[members], sizes) for each in (motion.velocity, motion.background))
+    low, high = _bounds(points.now[members], sizes)
+    return [Cluster(*each) for each in zip(bodies, low, high, velocity, background, strict=True)]
+
+
+def _parted(members: Numbers, sizes: Numbers) -> list[Numbers]:
+    """Groups of (K,) sizes, one after the other."""
+    return [members[first:end] for first, end in pairwise([0, *np.cumsum(sizes).tolist()])]
+
+
+def _bounds(places: FloatArray, sizes: Numbers) -> tuple[FloatArray, FloatArray]:
+    """(K, 2) lowest and highest coordinates of (K,) groups of places (N, 2), one after the other."""
+    starts = np.cumsum(sizes) - sizes
+    return np.minimum.reduceat(places, starts), np.maximum.reduceat(places, starts)

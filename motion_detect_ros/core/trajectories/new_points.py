@@ -7,6 +7,7 @@ import numpy as np
 
 from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.trajectories.changes import changed_pixels
+from motion_detect_ros.core.trajectories.corner_response import corner_response, scratch
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.types import BoolArray, FloatArray
 
@@ -16,11 +17,14 @@ CELL_PX, CHANGED_CELL_PX = 16, 5
 NEAR_MOVING_PX = 30.0
 #: Pixels at the image border without points.
 BORDER_PX = 5
-#: Window of the corner response, pixels, and its least value (OpenCV's scale, 8-bit images).
-CORNER_WINDOW_PX, LEAST_RESPONSE = 5, 2e-4
+#: Least corner response (OpenCV's scale, 8-bit images).
+LEAST_RESPONSE = 2e-4
 #: Change: against the stabilised frame so long ago, seconds, in so many pixels of a cell.
 CHANGE_S, CHANGED_PIXELS = 0.16, 3
 SEED = 0
+
+#: In place of a mask: all of the image.
+_EVERYWHERE = np.ones((0, 0), np.bool_)
 
 
 class NewPoints:
@@ -29,7 +33,7 @@ class NewPoints:
     """
 
     def __init__(self, max_points: int) -> None:
-        self._max_points = max_points
+        self._max_points, self._scratch = max_points, scratch(CELL_PX)
         self.reset()
 
     def reset(self) -> None:
@@ -46,29 +50,29 @@ class NewPoints:
         places = np.empty((max(0, self._max_points - len(taken)), 2), np.float32)
         if not len(places):
             return places
-        response = cv2.cornerMinEigenVal(frames[0].gray, CORNER_WINDOW_PX, ksize=3)
-        if mask is not None:
-            response[~mask] = 0.0
         everywhere = np.ones(frames[0].half.shape, np.bool_)
-        found = self._fill(places, 0, response, everywhere, taken, CELL_PX, moving[:0])
+        found = self._fill(places, 0, frames, mask, everywhere, taken, CELL_PX, moving[:0])
         ago = frames.nearest(CHANGE_S)
         if ago:
             so_far = np.concatenate([taken, places[:found]])
-            found = self._fill(places, found, response, changed_pixels(frames, [ago]), so_far, CHANGED_CELL_PX, moving)
+            changed = changed_pixels(frames, [ago])
+            found = self._fill(places, found, frames, mask, changed, so_far, CHANGED_CELL_PX, moving)
         return places[:found]
 
     def _fill(
-        self, places: FloatArray, found: int, response: FloatArray, wanted: BoolArray, taken: FloatArray, cell_px: int,
-        moving: FloatArray,
+        self, places: FloatArray, found: int, frames: RecentFrames, mask: BoolArray | None, wanted: BoolArray,
+        taken: FloatArray, cell_px: int, moving: FloatArray,
     ) -> int:
-        rows, columns = (-(-size // cell_px) for size in response.shape)
+        gray = frames[0].gray
+        rows, columns = (-(-size // cell_px) for size in gray.shape)
         free = np.ones((rows, columns), np.bool_)
         column, row = (taken // cell_px).astype(np.intp).T
         free[row, column] = False
         order = self._random.permutation(np.flatnonzero(free))
         if len(moving):
             order = order[np.argsort(_far_from(moving, (rows, columns), cell_px)[order], kind='stable')]
-        return int(_strongest(response, wanted, order, columns, cell_px, places, found))
+        return int(_strongest(np.require(gray, None, ['C', 'W']), _EVERYWHERE if mask is None else mask, wanted, order,
+                              columns, cell_px, *self._scratch, places, found))
 
 
 def _far_from(moving: FloatArray, shape: tuple[int, int], cell_px: int) -> BoolArray:
@@ -81,21 +85,34 @@ def _far_from(moving: FloatArray, shape: tuple[int, int], cell_px: int) -> BoolA
 
 
 @kernel()
-def _strongest(response, wanted, order, columns, cell_px, places, found):  # type: ignore[no-untyped-def]
-    """Writes the strongest place of each cell of ``order`` to ``places`` from ``found`` on; returns the new number."""
-    height, width = response.shape
+def _strongest(  # type: ignore[no-untyped-def]
+    gray, mask, wanted, order, columns, cell_px, products, response, places, found,
+):
+    """Writes the strongest place of each cell of ``order`` to ``places`` from ``found`` on; returns the new number.
+
+    mask: (h, w) or empty; wanted: (h / 2, w / 2); products, response: of ``scratch``.
+    """
+    height, width = gray.shape
     for cell in order:
         if found >= len(places):
             break
         top, left = (cell // columns) * cell_px, (cell % columns) * cell_px
-        best, count = np.float32(LEAST_RESPONSE), 0
-        x = y = -1
-        for r in range(max(top, BORDER_PX), min(top + cell_px, height - BORDER_PX)):
-            for c in range(max(left, BORDER_PX), min(left + cell_px, width - BORDER_PX)):
+        top, bottom = max(top, BORDER_PX), min(top + cell_px, height - BORDER_PX)
+        left, right = max(left, BORDER_PX), min(left + cell_px, width - BORDER_PX)
+        count = 0
+        for r in range(top, bottom):
+            for c in range(left, right):
                 count += wanted[r // 2, c // 2]
-                if response[r, c] > best:
-                    best, x, y = response[r, c], c, r
-        if x >= 0 and count >= CHANGED_PIXELS:
+        if count < CHANGED_PIXELS:
+            continue
+        corner_response(gray, top, bottom, left, right, products, response)
+        best = np.float32(LEAST_RESPONSE)
+        x = y = -1
+        for r in range(top, bottom):
+            for c in range(left, right):
+                if response[r - top, c - left] > best and (len(mask) == 0 or mask[r, c]):
+                    best, x, y = response[r - top, c - left], c, r
+        if x >= 0:
             places[found, 0], places[found, 1] = x, y
             found += 1
     return found

@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from motion_detect_ros.core.geometry.order_statistics import column_medians
+from motion_detect_ros.core.geometry.order_statistics import grouped_medians
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.trajectories.alike import moved_as_one_body
 from motion_detect_ros.core.trajectories.linked_groups import linked_groups
 from motion_detect_ros.core.trajectories.object_motion import BASELINES_S
@@ -21,7 +22,8 @@ from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, Floa
 #: Plain: the grey values of 3 x 3 pixels of the halved image differ by less than this.
 PLAIN_GRAY, WINDOW = 16, np.ones((3, 3), np.uint8)
 #: A point touches the regions within so many pixels of the halved image along both axes; more than that in the image.
-REACH, NEAR_PX = np.arange(-2, 3), 8.0
+REACH, NEAR_PX = 2, 8.0
+WINDOW_PX = 2 * REACH + 1
 #: A region may reach so many pixels beyond the points that touch it.
 BEYOND_PX = 6.0
 #: Still points that touch a region, at most, share of the moving ones: more of them, and it is a part of the scene.
@@ -38,31 +40,85 @@ class PlainRegions:
     def __init__(self, half: ByteArray, largest_px: float) -> None:
         """half: (h, w), the image at half its size; largest_px: longest side of a region, pixels of the image."""
         plain = cv2.subtract(cv2.dilate(half, WINDOW), cv2.erode(half, WINDOW)) < PLAIN_GRAY
-        _, self._labels, stats, _ = cv2.connectedComponentsWithStats(plain.view(np.uint8), connectivity=4)
-        self._low, self._high = 2.0 * stats[:, :2], 2.0 * (stats[:, :2] + stats[:, 2:4])
+        count, self._labels = cv2.connectedComponents(plain.view(np.uint8), connectivity=4)
+        self._low, self._high = np.full((count, 2), np.inf), np.zeros((count, 2))
+        _bounds(self._labels, self._low, self._high)  # OpenCV's statistics take twice as long as its labels
         self._small = (self._high - self._low).max(axis=1) <= largest_px
         self._small[0] = False
 
-    def touched(self, places: FloatArray) -> tuple[Numbers, Numbers]:
-        """Which point touches which region, each pair once. places: (N, 2) pixels of the image."""
-        height, width = self._labels.shape
-        columns, rows = np.rint(places / 2.0).astype(np.intp).T
-        columns, rows = (np.clip(at[:, None] + REACH, 0, last - 1) for at, last in ((columns, width), (rows, height)))
-        labels = self._labels[rows[:, :, None], columns[:, None, :]].reshape(len(places), REACH.size ** 2)
-        point, place = np.nonzero(self._small[labels])
-        both = np.unique(point * len(self._small) + labels[point, place])
-        return both // len(self._small), both % len(self._small)
+    def touched(self, places: FloatArray) -> Numbers:
+        """(n, 2) which point touches which region, each pair once. places: (N, 2) pixels of the image."""
+        pairs = np.empty((len(places) * WINDOW_PX ** 2, 2), np.intp)
+        return pairs[:_touched(self._labels, self._small, places, pairs)]
 
     def within(self, region: Numbers, low: FloatArray, high: FloatArray) -> BoolArray:
         """(n,) whether regions (n,) reach at most ``BEYOND_PX`` beyond bounds (n, 2) each, pixels of the image."""
-        inside: BoolArray = ((self._low[region] >= low - BEYOND_PX) & (self._high[region] <= high + BEYOND_PX)
-                             ).all(axis=1)
+        inside: BoolArray = np.all((self._low[region] >= low - BEYOND_PX) & (self._high[region] <= high + BEYOND_PX),
+                                   axis=1)
         return inside
 
     def touching(self, region: int, places: FloatArray) -> int:
         """How many of the points (N, 2) touch it."""
-        near = ((places >= self._low[region] - NEAR_PX) & (places <= self._high[region] + NEAR_PX)).all(axis=1)
-        return int((self.touched(places[near])[1] == region).sum())
+        return int(_touching(self._labels, region, places, self._low[region] - NEAR_PX, self._high[region] + NEAR_PX))
+
+
+@kernel()
+def _bounds(labels, low, high):  # type: ignore[no-untyped-def]
+    """Pixels of the image, twice the size of ``labels``; high: exclusive. low: (regions, 2) infinite, high: zeros."""
+    rows, columns = labels.shape
+    for r in range(rows):
+        before = 0
+        for c in range(columns):
+            label = labels[r, c]
+            if label != before:
+                high[before, 0] = max(high[before, 0], 2.0 * c)
+                low[label, 0], low[label, 1] = min(low[label, 0], 2.0 * c), min(low[label, 1], 2.0 * r)
+                high[label, 1] = 2.0 * (r + 1)
+                before = label
+        high[before, 0] = 2.0 * columns
+
+
+@kernel()
+def _window(place, size):  # type: ignore[no-untyped-def]
+    """First and last pixel, exclusive, that a place of the image touches along an axis of its half."""
+    at = int(np.rint(place / 2.0))
+    last = size - 1
+    return min(max(at - REACH, 0), last), min(max(at + REACH, 0), last) + 1
+
+
+@kernel()
+def _touched(labels, small, places, pairs):  # type: ignore[no-untyped-def]
+    count = 0
+    for point in range(len(places)):
+        first = count
+        left, right = _window(places[point, 0], labels.shape[1])
+        top, bottom = _window(places[point, 1], labels.shape[0])
+        for r in range(top, bottom):
+            for c in range(left, right):
+                label = labels[r, c]
+                if small[label]:
+                    known = first
+                    while known < count and pairs[known, 1] != label:
+                        known += 1
+                    if known == count:
+                        pairs[count, 0], pairs[count, 1] = point, label
+                        count += 1
+    return count
+
+
+@kernel()
+def _touching(labels, region, places, low, high):  # type: ignore[no-untyped-def]
+    """low, high: bounds of points that may touch it."""
+    count = 0
+    for x, y in places:
+        if x >= low[0] and y >= low[1] and x <= high[0] and y <= high[1]:
+            touches = False
+            (left, right), (top, bottom) = _window(x, labels.shape[1]), _window(y, labels.shape[0])
+            for r in range(top, bottom):
+                for c in range(left, right):
+                    touches |= labels[r, c] == region
+            count += touches
+    return count
 
 
 def joined_parts(
@@ -83,7 +139,7 @@ def joined_parts(
     links = _neighbours(regions, owner, moving, largest_px)
     used = np.unique(links[:, 1:])
     centres = np.stack([np.bincount(owner, weights=along) for along in moving.T], axis=1) / np.bincount(owner)[:, None]
-    typical = [_typical(each, parts, used) for each in displacements]
+    typical = _typical(displacements, parts, used)
     links = links[moved_as_one_body(typical, BASELINES_S, centres, links[:, 1:])]
     painted = [number for number in np.unique(links[:, 0]).tolist()
                if regions.touching(number, still) > STILL_SHARE * regions.touching(number, moving)]
@@ -96,7 +152,7 @@ def _neighbours(regions: PlainRegions, owner: Numbers, places: FloatArray, large
     count = owner[-1] + 1
     starts = np.searchsorted(owner, np.arange(count))
     low, high = np.minimum.reduceat(places, starts), np.maximum.reduceat(places, starts)
-    point, region = regions.touched(places)
+    point, region = regions.touched(places).T
     both = np.unique(region * count + owner[point])
     touched, toucher = both // count, both % count
     found, apart = [np.empty((0, 3), np.intp)], 1
@@ -109,12 +165,21 @@ def _neighbours(regions: PlainRegions, owner: Numbers, places: FloatArray, large
     return np.concatenate(found)
 
 
-def _typical(displacement: DoubleArray, parts: Sequence[Numbers], used: Numbers) -> DoubleArray:
-    """(P, 2) median displacement of each used part, NaN where it is too young."""
-    typical = np.full((len(parts), 2), np.nan)
-    for number in used.tolist():
-        known = displacement[parts[number]]
-        known = known[np.isfinite(known[:, 0])]
-        if len(known) >= OLD_SHARE * len(parts[number]):
-            typical[number] = column_medians(known)
+def _typical(
+    displacements: Sequence[DoubleArray], parts: Sequence[Numbers], used: Numbers,
+) -> list[DoubleArray]:
+    """(P, 2) median displacement of each used part over each baseline, NaN where it is too young."""
+    typical = [np.full((len(parts), 2), np.nan) for _ in displacements]
+    if not len(used):
+        return typical
+    members = np.concatenate([parts[number] for number in used.tolist()])
+    owner = np.repeat(used, [len(parts[number]) for number in used.tolist()])
+    size = np.bincount(owner)
+    for displacement, medians in zip(displacements, typical, strict=True):
+        ways = displacement[members]
+        known = np.isfinite(ways[:, 0])
+        count = np.bincount(owner[known], minlength=len(size))
+        enough = (count >= OLD_SHARE * size) & (count > 0)
+        if enough.any():
+            medians[np.flatnonzero(enough)] = grouped_medians(ways[known & enough[owner]], count[enough])
     return typical

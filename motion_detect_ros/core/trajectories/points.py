@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from motion_detect_ros.core.geometry.cells import first_of_cells
+from motion_detect_ros.core.geometry.lucas_kanade import lucas_kanade
 from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.geometry.warp import apply
 from motion_detect_ros.core.periods import Every
@@ -40,7 +41,9 @@ NEIGHBOURHOOD_PX = 24
 #: Cells are numbered row by row for images up to this width, pixels.
 MAX_WIDTH_PX = 8192
 
-_CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, ITERATIONS, SMALL_STEP_PX)
+_OPTIONS = {
+    'winSize': (WINDOW_PX, WINDOW_PX), 'flags': cv2.OPTFLOW_USE_INITIAL_FLOW, 'minEigThreshold': LEAST_EIGENVALUE,
+    'criteria': (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, ITERATIONS, SMALL_STEP_PX)}
 
 
 def _no_points() -> FloatArray:
@@ -106,7 +109,10 @@ class Points:
 
 
 class PointTracker:
-    """Tracks points through the frames of a ``RecentFrames`` and starts new ones."""
+    """Tracks points through the frames of a ``RecentFrames`` and starts new ones.
+
+    ``new_due``: whether new ones are to start in the current frame.
+    """
 
     def __init__(self, max_points: int) -> None:
         self._new, self._every = NewPoints(max_points), Every(CHECKED_EVERY_S)
@@ -118,19 +124,26 @@ class PointTracker:
         self._every.reset()
         self._points, self._started = Points(), 0
         self._moving = self._points.number
+        self.new_due = False
 
-    def step(self, frames: RecentFrames, mask: BoolArray | None) -> Points:
-        """Points in the current frame. mask: (h, w), False where no point may be; None = nowhere.
+    def track(self, frames: RecentFrames, mask: BoolArray | None) -> Points:
+        """Those of the last frame that are found in the current one. mask: (h, w), False where no point may be; None =
+        nowhere.
 
         With one frame in ``frames`` all earlier points are cleared.
         """
         if len(frames) < 2:
             self._points = Points()
             self._every.reset()
-        due = self._every.due(frames.seconds(min(1, len(frames) - 1)))
+        self.new_due = self._every.due(frames.seconds(min(1, len(frames) - 1)))
         if len(self._points):
-            self._points = self._tracked(frames, mask, due)
-        if due:
+            self._points = self._tracked(frames, mask, self.new_due)
+        return self._points
+
+    def start(self, frames: RecentFrames, mask: BoolArray | None) -> Points:
+        """Those of the current frame with new ones, where these are due; after ``track`` with the same arguments."""
+        if self.new_due:
+            self.new_due = False
             self._every.done()
             moving = self._points.now[np.isin(self._points.number, self._moving)]
             places = self._new.places(self._points.now, frames, mask, moving)
@@ -139,7 +152,7 @@ class PointTracker:
         return self._points
 
     def told(self, moving: BoolArray, spare: BoolArray) -> None:
-        """Of the points of the last step: new ones start near ``moving`` first, ``spare`` go; (N,) masks."""
+        """Of the points of the last ``start``: new ones start near ``moving`` first, ``spare`` go; (N,) masks."""
         self._moving = self._points.number[moving]
         self._points = self._points.only(np.flatnonzero(~spare))
 
@@ -176,10 +189,9 @@ def _lucas_kanade(
     one: ByteArray, other: ByteArray, points: FloatArray, start: FloatArray, levels: int,
 ) -> tuple[FloatArray, BoolArray]:
     """(N, 2) positions in ``other``, and (N,) whether they were found. levels: of the pyramid, above the first."""
-    moved, found, error = cv2.calcOpticalFlowPyrLK(
+    moved, found, error = lucas_kanade(
         one, other, np.ascontiguousarray(points), np.array(start, np.float32, order='C'),
-        winSize=(WINDOW_PX, WINDOW_PX), maxLevel=levels, criteria=_CRITERIA, flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
-        minEigThreshold=LEAST_EIGENVALUE)
+        {**_OPTIONS, 'maxLevel': levels})
     good: BoolArray = (found.ravel() > 0) & (error.ravel() < MAX_ERROR_GRAY)
     return moved, good
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -12,6 +13,8 @@ from motion_detect_ros.core.types import NANOSECONDS, ByteArray, DoubleArray, Eg
 
 #: How long frames are kept, seconds, and how many at most, the current one included.
 KEPT_S, MAX_FRAMES = 1.02, 32
+#: Light is estimated on halved images shrunk by this factor, where their smaller side has at least so many pixels.
+LIGHT_SHRINK, LIGHT_SIDE_PX = 8, 40
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,11 @@ class RecentFrame:
     half: ByteArray
     matrix: DoubleArray
     stamp_ns: int
+
+    @cached_property
+    def shrunk(self) -> ByteArray:
+        """``half`` shrunk for the light: the current frame is compared with several."""
+        return shrunk(self.half)
 
 
 class RecentFrames:
@@ -38,9 +46,15 @@ class RecentFrames:
     def __getitem__(self, frames_ago: int) -> RecentFrame:
         return self._frames[frames_ago]
 
+    def copy(self) -> RecentFrames:
+        """The same frames, which stay as they are when others are added here."""
+        frames = RecentFrames()
+        frames._frames = self._frames
+        return frames
+
     def reset(self) -> None:
         """Clear all frames."""
-        self._frames.clear()
+        self._frames = []
 
     def add(self, frame: PreparedFrame, ego: EgoMotion) -> bool:
         """Add a frame; False where it does not continue the ones before, which are cleared then."""
@@ -48,7 +62,7 @@ class RecentFrames:
         follows = (newest is not None and ego.ok and ego.prev_stamp_ns == newest.stamp_ns
                    and newest.gray.shape == frame.gray.shape)
         if not follows:
-            self._frames.clear()
+            self.reset()
         step = at_scale(ego.matrix, frame.scale)
         oldest_ns = frame.stamp_ns - round(KEPT_S * NANOSECONDS)
         kept = [each for each in self._frames[:MAX_FRAMES - 1] if each.stamp_ns >= oldest_ns]
@@ -62,11 +76,29 @@ class RecentFrames:
 
     def nearest(self, seconds: float) -> int:
         """How many frames ago is closest to ``seconds``; at least 1 unless there is only the current frame."""
-        distances = [abs(self.seconds(ago) - seconds) for ago in range(1, len(self._frames))]
-        return distances.index(min(distances)) + 1 if distances else 0
+        if len(self._frames) < 2:
+            return 0
+        now_ns = self._frames[0].stamp_ns
+        distances = [abs((now_ns - each.stamp_ns) / NANOSECONDS - seconds) for each in self._frames[1:]]
+        return distances.index(min(distances)) + 1
 
 
 def _halved(gray: ByteArray) -> ByteArray:
     height, width = gray.shape
     half: ByteArray = cv2.resize(gray, (-(-width // 2), -(-height // 2)), interpolation=cv2.INTER_AREA)
     return half
+
+
+def shrunk(half: ByteArray) -> ByteArray:
+    """(h, w) a halved image, shrunk by ``LIGHT_SHRINK``; a small one as it is."""
+    height, width = half.shape
+    if min(height, width) < LIGHT_SIDE_PX:
+        return half
+    columns, rows = width // LIGHT_SHRINK, height // LIGHT_SHRINK
+    if (width % LIGHT_SHRINK == 0) == (height % LIGHT_SHRINK == 0):
+        small: ByteArray = cv2.resize(half, (columns, rows), interpolation=cv2.INTER_AREA)
+        return small
+    # OpenCV is slow with a whole ratio along one axis only, which is taken first here. The means are the same.
+    first = (width, rows) if width % LIGHT_SHRINK else (columns, height)
+    means = cv2.resize(half.astype(np.float32), first, interpolation=cv2.INTER_AREA)
+    return np.rint(cv2.resize(means, (columns, rows), interpolation=cv2.INTER_AREA)).astype(np.uint8)

@@ -6,12 +6,15 @@ as many vehicles and stay.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import cv2
 import numpy as np
 
+from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.geometry.boxes import Box
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.trajectories.changes import earlier_half
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.types import BoolArray, FloatArray
@@ -40,13 +43,13 @@ class SoftShadows:
         own: (h, w) what moves with the object; region: on the image; speed_px_s: against the background; side_px: the
         longer side; both in pixels of the working resolution.
         """
+        shadow = np.zeros_like(own)
         if speed_px_s * self._seconds < side_px + BEYOND_PX:
-            return np.zeros_like(own)
-        rows, columns = np.arange(region.top, region.bottom) // 2, np.arange(region.left, region.right) // 2
-        faint = self._faint[rows[:, None], columns]
-        around = cv2.dilate((own & ~faint).view(np.uint8), MARGIN).view(np.bool_)
-        shadow: BoolArray = faint & ~around
-        return shadow if (own & ~shadow).sum() >= LEAST_SHARE * own.sum() else np.zeros_like(own)
+            return shadow
+        body = np.empty(own.shape, np.uint8)
+        number = _hiding(own, self._faint, region.left, region.top, body)
+        left = number - _showing(own, self._faint, region.left, region.top, cv2.dilate(body, MARGIN), shadow)
+        return shadow if left >= LEAST_SHARE * number else np.zeros_like(own)
 
     @cached_property
     def _faint(self) -> BoolArray:
@@ -55,3 +58,46 @@ class SoftShadows:
         ratio: FloatArray = (now + np.float32(BLACK_GRAY)) / (before + np.float32(BLACK_GRAY))
         faint: BoolArray = (ratio > DARKEST) & (ratio < BRIGHTEST)
         return faint
+
+
+def without_shadow(candidate: Candidate, shadows: SoftShadows, scale: float, width: int, height: int) -> Candidate:
+    """A candidate of flow, its box without its soft shadow; scale: working pixels per full-resolution pixel; width,
+    height: of the working resolution.
+    """
+    half = candidate.size / 2.0
+    low, high = scale * (candidate.centre - half), scale * (candidate.centre + half)
+    region = Box(*np.floor(low).astype(int).tolist(), *np.ceil(high).astype(int).tolist()).grown(0, width, height)
+    if region.width <= 0 or region.height <= 0:
+        return candidate
+    own = np.ones((region.height, region.width), np.bool_)
+    speed = scale * float(np.hypot(*candidate.velocity_px_s))
+    beside = ~shadows.of(own, region, speed, scale * float(candidate.size.max()))
+    rows, columns = np.flatnonzero(beside.any(axis=1)), np.flatnonzero(beside.any(axis=0))
+    low = np.maximum(low, [region.left + columns[0], region.top + rows[0]]) / scale
+    high = np.minimum(high, [region.left + columns[-1] + 1, region.top + rows[-1] + 1]) / scale
+    return replace(candidate, centre=(low + high) / 2.0, size=high - low)
+
+
+@kernel()
+def _hiding(own, faint, left, top, body):  # type: ignore[no-untyped-def]
+    """``body``: (h, w) 1 where ``own`` is and the ground does not show through; returns the number of ``own``.
+
+    faint: (H, W) where it does, at half the size of the image; the other masks are at left, top of it.
+    """
+    count = 0
+    for r in range(own.shape[0]):
+        for c in range(own.shape[1]):
+            count += own[r, c]
+            body[r, c] = own[r, c] and not faint[(top + r) // 2, (left + c) // 2]
+    return count
+
+
+@kernel()
+def _showing(own, faint, left, top, body, shadow):  # type: ignore[no-untyped-def]
+    """``shadow``: (h, w) where the ground shows through and no ``body`` is; returns how many of them are of ``own``."""
+    count = 0
+    for r in range(own.shape[0]):
+        for c in range(own.shape[1]):
+            shadow[r, c] = faint[(top + r) // 2, (left + c) // 2] and not body[r, c]
+            count += shadow[r, c] and own[r, c]
+    return count

@@ -6,9 +6,8 @@ Without this they fill the quota (5000 of 6000 points on most drone clips), and 
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from motion_detect_ros.core.geometry.cells import first_of_cells
+from motion_detect_ros.core.geometry.cells import first_of_cells, near_others
 from motion_detect_ros.core.trajectories.new_points import CELL_PX, NEAR_MOVING_PX
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
 from motion_detect_ros.core.trajectories.points import Points
@@ -25,11 +24,10 @@ def spare_points(points: Points, motion: PointMotion, frames: RecentFrames) -> B
 
     Near moving points they stay: they tell where an object ends. motion: of ``points``.
     """
-    still: BoolArray = (points.age >= frames.nearest(STANDS_S)) & (motion.evidence < STANDS_EVIDENCE)
-    if motion.moving.any():
-        near, _ = cKDTree(points.now[motion.moving]).query(points.now, distance_upper_bound=NEAR_MOVING_PX)
-        still &= np.isinf(near)
     height, width = frames[0].gray.shape
+    still: BoolArray = (points.age >= frames.nearest(STANDS_S)) & (motion.evidence < STANDS_EVIDENCE)
+    places = points.now
+    still[still] = ~near_others(places[still], places[motion.moving], NEAR_MOVING_PX, width, height)
     oldest_first = np.argsort(-points.age, kind='stable')
-    still[first_of_cells(points.now, CELL_PX, width, height, oldest_first[still[oldest_first]])] = False
+    still[first_of_cells(places, CELL_PX, width, height, oldest_first[still[oldest_first]])] = False
     return still

@@ -8,9 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.geometry.order_statistics import median
+from motion_detect_ros.core.geometry.vectors import magnitude
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
 from motion_detect_ros.core.trajectories.points import Points
-from motion_detect_ros.core.types import FloatArray
 
 #: Nothing moves in a box if points that would tell the motion claimed for it lie in so many of its nine parts, less
 #: than this share of them move, and the median of their evidence is lower than this, noise units.
@@ -32,30 +34,39 @@ class StandingPoints:
 
         now: the points of that frame; scale: working pixels per full-resolution pixel.
         """
+        if not candidates:
+            return []
         then, there = now.survivors(self._points, self._old)
-        places = np.ascontiguousarray(now.now[there].T)
-        least_speed = self._motion.least_speed[then]
-        moving, evidence = self._motion.moving[then], self._motion.evidence[then]
-        found = []
-        for each in candidates:
-            inside = _inside(places, each, scale)
-            telling = inside[least_speed[inside] < scale * np.hypot(*each.velocity_px_s)]
-            found.append(bool(
-                _parts(places[:, telling], each, scale) >= PARTS and moving[telling].mean() < MOVING_SHARE
-                and np.median(evidence[telling]) < STANDING_SIGMAS))
-        return found
+        centre, size = np.array([each.centre for each in candidates]), np.array([each.size for each in candidates])
+        speed = scale * magnitude(np.array([each.velocity_px_s for each in candidates]))
+        still = np.empty(len(candidates), np.bool_)
+        _stand_still(now.now[there], self._motion.least_speed[then], self._motion.moving[then],
+                     self._motion.evidence[then], centre, size, speed, scale, np.empty(len(then)), still)
+        return list(still.tolist())
 
 
-def _inside(places: FloatArray, candidate: Candidate, scale: float) -> npt.NDArray[np.intp]:
-    """Indices of the places, (2, N), in a box."""
-    x, y = places
-    left, top = scale * (candidate.centre - candidate.size / 2.0)
-    right, bottom = scale * (candidate.centre + candidate.size / 2.0)
-    return np.flatnonzero((x >= left) & (x < right) & (y >= top) & (y < bottom))
-
-
-def _parts(places: FloatArray, candidate: Candidate, scale: float) -> int:
-    """In how many of its nine parts the places, (2, n), in a box are."""
-    share = (places.T / scale - candidate.centre) / candidate.size + 0.5
-    column, row = np.clip(SIDE * share, 0, SIDE - 1).astype(np.intp).T
-    return len(set((SIDE * row + column).tolist()))
+@kernel()
+def _stand_still(  # type: ignore[no-untyped-def]
+    places, least_speed, moving, evidence, centre, size, speed, scale, scratch, still,
+):
+    """Of points (N,) in boxes (K,), pixels before scaling. scratch: (N,)."""
+    for box in range(len(centre)):
+        x, y = centre[box]
+        width, height = size[box]
+        left, right = scale * (x - width / 2.0), scale * (x + width / 2.0)
+        top, bottom = scale * (y - height / 2.0), scale * (y + height / 2.0)
+        telling = moved = parts = 0
+        for point in range(len(places)):
+            u, v = places[point]
+            if left <= u < right and top <= v < bottom and least_speed[point] < speed[box]:
+                column = min(int(SIDE * ((u / scale - x) / width + 0.5)), SIDE - 1)
+                row = min(int(SIDE * ((v / scale - y) / height + 0.5)), SIDE - 1)
+                parts |= 1 << SIDE * row + column
+                moved += moving[point]
+                scratch[telling] = evidence[point]
+                telling += 1
+        filled = 0
+        while parts:
+            filled, parts = filled + (parts & 1), parts >> 1
+        still[box] = (filled >= PARTS and moved < MOVING_SHARE * telling
+                      and median(scratch[:telling]) < STANDING_SIGMAS)

@@ -35,17 +35,17 @@ def united(from_flow: list[Candidate], from_points: list[Candidate], largest_px:
     shared = shared_areas(_edges(from_flow), _edges(from_points))
     iou = shared / (area + other_area - shared)
     same = (iou >= SAME_IOU) | (shared >= POINTS_INSIDE * other_area) | (shared >= FLOW_INSIDE * area)
+    bare = np.where(same, shared, 0.0).sum(axis=1) < COVERED_SHARE * area[:, 0]
     alone: list[Candidate] = []
     points, parts = list(from_points), set[int]()
-    for index, candidate in enumerate(from_flow):
-        there = np.flatnonzero(same[index])
-        covered = shared[index, there].sum() / area[index, 0]
-        if candidate.size.max() > largest_px and candidate.log_odds >= CERTAIN_LOG_ODDS and covered < COVERED_SHARE:
+    for index, (candidate, row, is_bare) in enumerate(zip(from_flow, same.tolist(), bare.tolist(), strict=True)):
+        there = [place for place, is_there in enumerate(row) if is_there]
+        if is_bare and candidate.log_odds >= CERTAIN_LOG_ODDS and candidate.size.max() > largest_px:
             alone.append(candidate)
-            parts.update(there.tolist())
+            parts.update(there)
         elif len(there) == 1 and iou[index, there[0]] >= ONE_OBJECT_IOU:
             points[there[0]] = _averaged(candidate, from_points[there[0]])
-        elif not len(there):
+        elif not there:
             alone.append(candidate)
     points = [one for place, one in enumerate(points) if place not in parts]
     alone = _without_fragments(alone, points)
@@ -53,10 +53,9 @@ def united(from_flow: list[Candidate], from_points: list[Candidate], largest_px:
 
 
 def _averaged(from_flow: Candidate, from_points: Candidate) -> Candidate:
-    low, high = (
-        POINTS_WEIGHT * (from_points.centre + sign * from_points.size / 2.0)
-        + (1.0 - POINTS_WEIGHT) * (from_flow.centre + sign * from_flow.size / 2.0) for sign in (-1.0, 1.0))
-    return replace(from_flow, centre=(low + high) / 2.0, size=high - low, velocity_px_s=from_points.velocity_px_s,
+    centre, size = (POINTS_WEIGHT * one + (1.0 - POINTS_WEIGHT) * other for one, other in (
+        (from_points.centre, from_flow.centre), (from_points.size, from_flow.size)))
+    return replace(from_flow, centre=centre, size=size, velocity_px_s=from_points.velocity_px_s,
                    log_odds=max(from_flow.log_odds, from_points.log_odds), measured=True)
 
 
@@ -68,8 +67,8 @@ def _without_fragments(ones: list[Candidate], others: list[Candidate]) -> list[C
     velocity, other_velocity = (np.array([one.velocity_px_s for one in each]) for each in (ones, others))
     difference = velocity[:, None] - other_velocity
     alike = magnitude(difference) < ALIKE_SHARE * magnitude(velocity)[:, None]
-    fragment: BoolArray = beside & alike & (_areas(others) > LARGER * _areas(ones)[:, None])
-    return [one for one, row in zip(ones, fragment, strict=True) if not row.any()]
+    fragment: BoolArray = np.any(beside & alike & (_areas(others) > LARGER * _areas(ones)[:, None]), axis=1)
+    return [one for one, is_one in zip(ones, fragment.tolist(), strict=True) if not is_one]
 
 
 def _edges(candidates: list[Candidate], margin_share: float = 0.0) -> Edges:

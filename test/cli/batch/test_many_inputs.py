@@ -228,7 +228,7 @@ def test_what_a_worker_has_finished_is_not_done_again_when_it_dies(
     """The scheduler has another worker do again whatever it has not passed on yet."""
     worker = SimpleNamespace(address='tcp://127.0.0.1:7', state=SimpleNamespace(nthreads=1), log_event=lambda *_: None)
     monkeypatch.setitem(sys.modules, 'distributed', SimpleNamespace(get_worker=lambda: worker))
-    monkeypatch.setattr(cluster.cv2, 'setNumThreads', lambda threads: None)
+    monkeypatch.setattr(cluster, 'use', lambda threads: None)
     lease, job = tmp_path / 'lease', Job(str(folder / 'flight_0.mcap'), tmp_path / 'out', PipelineConfig())
     lease.mkdir()
     first = cluster.work(job, str(lease), cluster.versions())
@@ -263,7 +263,7 @@ def test_a_worker_stops_when_nobody_waits_for_it(folder: Path, tmp_path: Path, m
     worker = SimpleNamespace(address='tcp://127.0.0.1:7', state=SimpleNamespace(nthreads=1), log_event=lambda *_: None)
     monkeypatch.setitem(sys.modules, 'distributed', SimpleNamespace(get_worker=lambda: worker))
     monkeypatch.setattr(cluster, 'LOOK_S', 0.0)
-    monkeypatch.setattr(cluster.cv2, 'setNumThreads', lambda threads: None)
+    monkeypatch.setattr(cluster, 'use', lambda threads: None)
     lease, job = tmp_path / 'lease', Job(str(folder / 'flight_0.mcap'), tmp_path / 'out', PipelineConfig())
     lease.mkdir()
     topics = set()

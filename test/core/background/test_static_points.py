@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
-from street import CAMERA, box_cells, flow, motion, street_depth
+from street import CAMERA, box_cells, flow, motion, pixels, street_depth
 
+from motion_detect_ros.core.background import static_points
 from motion_detect_ros.core.background.planar import fit_background
 from motion_detect_ros.core.background.selection import BackgroundSelector
 from motion_detect_ros.core.background.static_points import fit_static_scene
 from motion_detect_ros.core.config import BackgroundConfig
+from motion_detect_ros.core.geometry.epipolar import PoseEstimate, epipolar_lines, normalised
+from motion_detect_ros.core.geometry.ground_plane import GroundPlane
+from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.types import CameraModel
 
 CONFIG, PERIOD_S = BackgroundConfig(), 0.04
@@ -33,7 +40,7 @@ def _sigmas(field: np.ndarray, background) -> np.ndarray:
 
 
 def _epipolar(field: np.ndarray):
-    return fit_static_scene(field, field, CAMERA, CONFIG).background
+    return fit_static_scene(field, field, magnitude(field), CAMERA, CONFIG).background
 
 
 def test_static_box_and_street_are_still():
@@ -68,14 +75,82 @@ def test_own_motion_of_a_crossing_box_is_its_flow_off_the_epipolar_line():
 def test_wrong_focal_length_still_works():
     field = _street(OWN['drives ahead'])
     guess = CameraModel.guessed(CAMERA.width, CAMERA.height, 1.1)
-    scene = fit_static_scene(field, field, guess, CONFIG)
+    scene = fit_static_scene(field, field, magnitude(field), guess, CONFIG)
     sigmas = _sigmas(field, scene.background)
     assert np.median(sigmas[BOX & (np.arange(BOX.shape[0])[:, None] >= 52)]) > 3.0
 
 
+@pytest.mark.parametrize('ground', [None, GroundPlane(np.array([0.01, 0.9, 0.002]))], ids=['no ground', 'ground'])
+def test_closest_static_points_are_those_of_the_epipolar_lines(ground: GroundPlane | None):
+    """Also behind the camera, and where something is unknown; against ``EpipolarLines`` and ``GroundPlane``."""
+    field = _street(OWN['drives ahead'], noise_px=3.0).reshape(-1, 2)
+    field[::7] = np.nan
+    residual = field - np.float32(2.0)
+    residual[::5] = np.nan
+    now = normalised(pixels(), CAMERA).reshape(-1, 2)
+    earlier = normalised(pixels().reshape(-1, 2) - field, CAMERA)
+    rotation, translation = motion((0.002, 0.012, -0.003), (0.1, 0.02, 1.0))
+    pose = PoseEstimate(rotation, translation / np.linalg.norm(translation), 1.0)
+    lines = epipolar_lines(earlier, pose)
+    s = lines.position(now)
+    assert (s < 0.0).any() and (s > 0.0).any()
+    position, inverse_depth, reach_px = np.empty((3, len(now)))
+    static_points._positions(earlier, now, pose.rotation, pose.direction, 500.0, position, inverse_depth, reach_px)
+    np.testing.assert_allclose(position, s, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(inverse_depth, lines.inverse_depth(s), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(reach_px, np.linalg.norm(lines.towards, axis=1) * 500.0, rtol=1e-9)
+
+    least = np.zeros(len(now)) if ground is None else ground.least_inverse_depth(earlier)
+    off = (now - lines.at(np.maximum(s, lines.from_inverse_depth(least)))) * [500.0, 400.0]
+    still, own = np.empty_like(field), np.empty(len(now))
+    limit = np.zeros(3) if ground is None else ground.limit
+    count = static_points._closest_static(
+        earlier, now, position, limit, pose.rotation, pose.direction, 500.0, 400.0, residual, still, own)
+    np.testing.assert_allclose(still, residual - off, rtol=1e-5, atol=1e-4)
+    known = np.isfinite(residual[:, 0])
+    np.testing.assert_allclose(own[:count], np.linalg.norm(off, axis=1)[known], rtol=1e-9, atol=1e-9)
+
+
+def test_noise_is_the_spread_around_static_points_and_a_share_of_the_flow():
+    field = _street(None, noise_px=1.0)
+    background = _epipolar(field)
+    distance = np.linalg.norm(field - background.flow, axis=-1)
+    assert background.spread_px == pytest.approx(np.median(distance) / 1.1774, rel=1e-4)
+    expected = background.spread_px + CONFIG.depth_noise_share * np.linalg.norm(field, axis=-1)
+    np.testing.assert_allclose(background.sigma_px, expected, rtol=1e-5)
+
+
+READY = """
+import gc
+from street import CAMERA, flow, motion, street_depth
+from motion_detect_ros.core.background.selection import BackgroundSelector
+from motion_detect_ros.core.config import BackgroundConfig, PipelineConfig
+from motion_detect_ros.core.pipeline import warm_up
+from numba.core.dispatcher import Dispatcher
+def ready():
+    return {each.__qualname__ + str(kind) for each in gc.get_objects() if isinstance(each, Dispatcher)
+            for kind in each.signatures}
+warm_up(PipelineConfig())
+warm, model = ready(), BackgroundSelector(BackgroundConfig())
+field = flow(street_depth(), *motion((0.0, 0.01, 0.0), (0.05, 0.0, 1.0)))
+for _ in range(3):
+    background = model.fit(field, field, CAMERA, 0.04)
+    background.behind(field[..., 0] > 10.0)
+assert model.three_dimensional
+assert ready() == warm, ready() ^ warm
+"""
+
+
+def test_the_warm_up_leaves_no_kernel_of_the_street_to_compile():
+    """In a process of its own, as other tests have loaded them here. What comes late stops a frame for a second."""
+    code = f'import sys; sys.path[:0] = {sys.path!r}\n{READY}'
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=600, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_nothing_known_gives_no_scene():
     field = np.full((*BOX.shape, 2), np.nan, np.float32)
-    assert fit_static_scene(field, field, CAMERA, CONFIG) is None
+    assert fit_static_scene(field, field, magnitude(field), CAMERA, CONFIG) is None
 
 
 class TestChoice:
@@ -139,7 +214,7 @@ class TestChoice:
 def test_background_behind_an_object_comes_from_around_it():
     """A box that crosses hides the wall; what is filled in is closer to the wall's flow than to the box's."""
     field = _street(OWN['crosses'], noise_px=0.0)
-    background = fit_static_scene(field, field, CAMERA, CONFIG).background
+    background = fit_static_scene(field, field, magnitude(field), CAMERA, CONFIG).background
     wall = flow(street_depth(), *motion((0.0, 0.01, 0.0), (0.05, 0.0, 1.0)))
     behind = background.behind(BOX)
     assert np.array_equal(behind.flow[~box_cells(66, 32, 88, 62)], background.flow[~box_cells(66, 32, 88, 62)])

@@ -14,6 +14,7 @@ from motion_detect_ros.core.detection.detector import MotionDetector, without_fr
 from motion_detect_ros.core.detection.motion_field import MotionField
 from motion_detect_ros.core.detection.objects import ObjectFinder
 from motion_detect_ros.core.geometry.frame_history import ReferenceFrame
+from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.types import FlowField, PreparedFrame
 
 
@@ -65,7 +66,7 @@ def test_growth_before_a_background_in_space_is_that_of_the_objects_own_cells(
     moved[box] = own_m
     field = flow(np.where(box, 12.0, street_depth()), *motion((0.0, 0.01, 0.0), (0.05, 0.0, 1.0)), moved)
     field += np.random.default_rng(0).normal(0.0, 0.05, field.shape).astype(np.float32)
-    scene = fit_static_scene(field, field, CAMERA, BackgroundConfig())
+    scene = fit_static_scene(field, field, magnitude(field), CAMERA, BackgroundConfig())
     assert scene is not None
     grey = np.zeros((CAMERA.height, CAMERA.width), np.uint8)
 

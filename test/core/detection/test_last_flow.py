@@ -58,3 +58,14 @@ def test_with_flow_in_every_frame_nothing_is_carried_and_reset_clears() -> None:
     last.replaced([candidate(100.0, 50.0)])
     last.reset()
     assert last.carried(ego()) == [] and last.age_s == pytest.approx(0.04)
+
+
+def test_what_comes_a_frame_late_is_carried_to_it_and_counts_as_measured_once() -> None:
+    last = LastFlow(0.12)
+    last.replaced_late([candidate(100.0, 50.0, (50.0, 0.0))])
+    (first,) = last.carried(ego([[1, 0, 7], [0, 1, -3], [0, 0, 1]]))
+    assert first.centre == pytest.approx([109, 47])
+    assert first.measured and first.growth == Growth(0.1, 1, 0.04, 5)
+    (second,) = last.carried(ego())
+    assert second.centre == pytest.approx([111, 47])
+    assert not second.measured and second.growth is None

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
+import threading
+
 import cv2
 import numpy as np
 import pytest
 
 from motion_detect_ros.core.background.planar import Background
 from motion_detect_ros.core.config import ObjectsConfig
+from motion_detect_ros.core.detection import objects
+from motion_detect_ros.core.detection.image_pair import ImagePair, image_noise
 from motion_detect_ros.core.detection.motion_field import MotionField
 from motion_detect_ros.core.detection.objects import ObjectFinder
 from motion_detect_ros.core.detection.patches import Patch
-from motion_detect_ros.core.detection.photometric import (
-    ImagePair,
-    PhotometricTest,
-    image_noise,
-    photometric_test,
-    reach_px,
-)
+from motion_detect_ros.core.detection.photometric import PhotometricTest, photometric_test, reach_px
 from motion_detect_ros.core.detection.segments import Segment
 from motion_detect_ros.core.geometry.boxes import Box
+from motion_detect_ros.core.threads import limited
 
 HEIGHT, WIDTH, ROWS, COLUMNS = 90, 130, 23, 33
 MATRIX = np.array([[1.01, -0.02, 3.3], [0.02, 1.01, -2.6], [2e-5, -1e-5, 1.0]])
@@ -92,7 +91,8 @@ def test_foreground_is_that_of_the_definition(pair: ImagePair, box: Box, uniform
     foreground = ((gain > threshold ** 2) & came & pair.mask)[region]
 
     window = box.grown(reach_px(np.float32(MOTION) + 2.0), WIDTH, HEIGHT)
-    inner = background[window.top:window.bottom, window.left:window.right].astype(np.float32)
+    inner = np.zeros(2, np.float32) if uniform else background[
+        window.top:window.bottom, window.left:window.right].astype(np.float32)
     found = photometric_test(pair, box, window, inner, MOTION, noise, threshold)
     assert found.foreground.shape == (box.height, box.width) and found.gain.dtype == np.float32
     assert (np.abs(found.gain - gain[region]) > 0.05).mean() < 0.03  # grey values half-way are rounded up or down
@@ -100,17 +100,32 @@ def test_foreground_is_that_of_the_definition(pair: ImagePair, box: Box, uniform
     assert box.area < 2000 or np.count_nonzero(foreground) > 200
 
 
-@pytest.mark.parametrize('step', [(6, 0), (16, 0), (-16, 0), (0, 30), (-21, 21)])
-def test_every_pixel_of_a_fast_square_is_foreground(step: tuple[int, int]) -> None:
-    """A square of 20 px that moves up to one and a half times its size between the frames; its flow is known."""
-    ground, thing = smooth_noise(3), smooth_noise(4)[:20, :20]
-    before = Box(55, 35, 75, 55)
-    now = before.moved(*step)
-    pictures = []
-    for box in (before, now):
+@pytest.mark.parametrize(('height', 'width'), [(1, 1), (1, 40), (40, 1), (2, 2)])
+def test_every_motion_of_a_plain_picture_explains_it(height: int, width: int) -> None:
+    """Origins are far beyond the border, or no numbers, in pictures without a pixel beside another one."""
+    picture, all_of_it = np.full((height, width), 77, np.uint8), Box(0, 0, width, height)
+    for background in (np.zeros(2, np.float32), np.full((height, width, 2), 1e9, np.float32),
+                       np.full(2, np.nan, np.float32), np.full((height, width, 2), -0.5, np.float32)):
+        found = photometric_test(ImagePair(picture, picture, np.eye(3)), all_of_it, all_of_it, background, MOTION,
+                                 2.0, 3.0)
+        assert not found.gain.any() and not found.foreground.any()
+
+
+def squares(now: Box, step: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Pictures of a square that went ``step`` to where it is."""
+    ground, thing, pictures = smooth_noise(3), smooth_noise(4)[:20, :20], []
+    for box in (now.moved(-step[0], -step[1]), now):
         picture = ground.copy()
         picture[box.top:box.bottom, box.left:box.right] = thing
         pictures.append(picture)
+    return pictures[0], pictures[1]
+
+
+@pytest.mark.parametrize('step', [(6, 0), (16, 0), (-16, 0), (0, 30), (-21, 21)])
+def test_every_pixel_of_a_fast_square_is_foreground(step: tuple[int, int]) -> None:
+    """A square of 20 px that moves up to one and a half times its size between the frames; its flow is known."""
+    now = Box(55, 35, 75, 55).moved(*step)
+    pictures = squares(now, step)
     residual = np.zeros((HEIGHT // 5, WIDTH // 5, 2), np.float32)
     cells = np.s_[now.top // 5:now.bottom // 5, now.left // 5:now.right // 5]
     residual[cells] = step
@@ -124,6 +139,39 @@ def test_every_pixel_of_a_fast_square_is_foreground(step: tuple[int, int]) -> No
     np.testing.assert_allclose(found[0].centre, [(now.left + now.right) / 2, (now.top + now.bottom) / 2], atol=1.5)
     np.testing.assert_allclose(found[0].size, 20.0, atol=4.5)  # averaging and closing add to a small box
     assert found[0].area > 0.7 * 400  # the weakest of the gain are taken for shadow
+
+
+def test_segments_are_the_same_by_two_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of all parts of a moving square."""
+    step, now = (6, 3), Box(55, 35, 75, 55)
+    earlier, current = squares(now, step)
+    residual = np.zeros((HEIGHT // 5, WIDTH // 5, 2), np.float32)
+    residual[now.top // 5:now.bottom // 5, now.left // 5:now.right // 5] = step
+    cells = np.argwhere(residual.any(axis=2))
+    segments = [Segment(cells[:count, 0].copy(), cells[:count, 1].copy(), 1, Box(
+        cells[:count, 1].min(), cells[0, 0], cells[:count, 1].max() + 1, cells[count - 1, 0] + 1))
+        for count in range(3, len(cells) + 1)]
+    sigma = np.ones(residual.shape[:2], np.float32)
+    grid = MotionField(residual, Background(np.zeros_like(residual), sigma), 0.04, 1.0)
+    found, where, patches = {}, set(), ObjectFinder._patches
+
+    def noted(*given):
+        if threading.current_thread() not in where:
+            where.add(threading.current_thread())
+            begun.wait()  # a thread that is late would find its part done
+        return patches(*given)
+
+    monkeypatch.setattr(objects, 'LEAST_SEGMENTS', 2)
+    monkeypatch.setattr(ObjectFinder, '_patches', noted)
+    for count in (1, 2):
+        begun = threading.Barrier(count, timeout=60.0)
+        where.clear()
+        with limited(count):
+            found[count] = [repr(each) for each in ObjectFinder(ObjectsConfig()).find(
+                segments, grid, ImagePair(current, earlier, np.eye(3)), np.arange(2, dtype=np.uint32))]
+        assert len(where) == count
+    assert len(found[1]) == len(segments)
+    assert found[1] == found[2]
 
 
 def test_image_noise_is_the_median_error(pair: ImagePair) -> None:
@@ -177,13 +225,15 @@ def test_background_of_a_region_is_that_of_opencv() -> None:
                                    atol=1e-4)
 
 
-def test_motion_of_a_segment_is_the_median_of_its_cells() -> None:
+def test_motions_of_a_segment_are_the_medians_of_its_cells() -> None:
     grid = field(np.random.default_rng(7))
     rows, columns = np.nonzero(np.isfinite(grid.residual[..., 0]))
     for count in (1, 2, 9, 200):
         segment = Segment(rows[:count], columns[:count], 1, Box(0, 0, COLUMNS, ROWS))
-        expected = 0.6 * np.median(grid.residual[rows[:count], columns[:count]], axis=0)
-        np.testing.assert_allclose(grid.motion_of(segment), expected, rtol=1e-5)
+        cells = np.s_[rows[:count], columns[:count]]
+        for motion, of in zip(grid.motions_of(segment), (grid.residual, grid.residual - grid.background.flow),
+                              strict=True):
+            np.testing.assert_allclose(motion, 0.6 * np.median(of[cells], axis=0), rtol=1e-5)
 
 
 def test_patches_are_the_strong_pixels_of_what_touches_the_segment() -> None:
@@ -192,6 +242,8 @@ def test_patches_are_the_strong_pixels_of_what_touches_the_segment() -> None:
     gain = random.exponential(20.0, mask.shape).astype(np.float32)
     inside = np.zeros(mask.shape, bool)
     inside[40:, 30:90] = True
+    rows, columns = np.nonzero(inside[::10, ::10])  # the region lies at (20, 50) in a picture of 300 x 200, cells of 10
+    segment = Segment(rows + 5, columns + 2, 1, Box(5, 9, 11, 17))
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (config.closing_px, config.closing_px))
     _, labels = cv2.connectedComponents(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, kernel))
     expected, refused = [], 0
@@ -204,4 +256,5 @@ def test_patches_are_the_strong_pixels_of_what_touches_the_segment() -> None:
         y, x = np.nonzero(strong)
         expected.append(Patch(Box(x.min(), y.min(), x.max() + 1, y.max() + 1), len(x)))
     assert len(expected) >= 3 and refused >= 2
-    assert ObjectFinder(config)._patches_of(PhotometricTest(mask, gain), inside) == expected
+    found = ObjectFinder(config)._patches_of(PhotometricTest(mask, gain), segment, Box(20, 50, 300, 200), (20, 30))
+    assert found == expected

@@ -8,7 +8,7 @@ import pytest
 from test_ego_motion import about_centre, corner_error, estimate, view, world
 
 from motion_detect_ros.core.config import EgoMotionConfig, PipelineConfig
-from motion_detect_ros.core.ego_motion.features import BLOCK_PX, KINDS, find_features
+from motion_detect_ros.core.ego_motion.features import BLOCK_PX, KINDS, AllowedPlaces, _spread, find_features
 from motion_detect_ros.core.errors import BackendError
 
 CORNER_KINDS = ('shi_tomasi', 'harris', 'fast', 'orb', 'brisk')
@@ -113,3 +113,29 @@ def test_a_kind_that_this_opencv_lacks_says_what_to_install(monkeypatch):
         monkeypatch.delattr(cv2, name, raising=False)
     with pytest.raises(BackendError, match='brisk.*install opencv-contrib-python-headless'):
         find_features('brisk', textured(), 100, 0.1)
+
+
+@pytest.mark.parametrize('count', [48, 480, 10])
+def test_the_strongest_of_each_cell_come_cell_by_cell_strongest_first(count: int) -> None:
+    random = np.random.default_rng(count)
+    points = random.uniform((0.0, 0.0), (640.0, 480.0), (900, 2))
+    strength = random.integers(1, 40, 900).astype(float)  # of equal ones the first comes first
+    expected = []
+    for row in range(6):
+        for column in range(8):
+            inside = ((points // 80.0) == (column, row)).all(axis=1)
+            mine = np.flatnonzero(inside)
+            expected.extend(mine[np.argsort(-strength[mine], kind='stable')][:max(1, count // 48)])
+    np.testing.assert_array_equal(_spread(points, strength, (480, 640), count), points[expected])
+
+
+def test_places_are_those_of_the_mask_of_each_call():
+    picture, places = textured(), AllowedPlaces()
+    left, right = np.ones((480, 640), np.bool_), np.ones((480, 640), np.bool_)
+    left[:, :320] = right[:, 320:] = False
+    for mask in (left, left, right, None, left):
+        np.testing.assert_array_equal(find_features('harris', picture, 480, 1e-5, mask, places),
+                                      find_features('harris', picture, 480, 1e-5, mask))
+    smaller = np.ascontiguousarray(picture[:240])
+    np.testing.assert_array_equal(find_features('harris', smaller, 480, 1e-5, None, places),
+                                  find_features('harris', smaller, 480, 1e-5, None))

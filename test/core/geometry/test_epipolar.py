@@ -88,11 +88,24 @@ def test_derivative_of_the_line_distance_is_that_of_differences(drive: str):
         away, along = now - lines.far, lines.towards
         return (away[:, 0] * along[:, 1] - away[:, 1] * along[:, 0]) / np.sqrt((along ** 2).sum(axis=1) + 1e-6)
 
-    found, slope = epipolar._linearised(earlier, now, rotation, direction, tilts)
+    found, slope = np.empty(len(now)), np.empty((len(now), 5))
+    epipolar._linearise(earlier, now, rotation, direction, tilts, found, slope)
     assert np.allclose(found, distance(np.zeros(5)), atol=1e-12)
     small = 1e-6 * np.eye(5)
     differences = np.array([(distance(step) - distance(-step)) / 2e-6 for step in small])
-    assert np.allclose(slope, differences, atol=1e-5 * np.abs(differences).max())
+    assert np.allclose(slope.T, differences, atol=1e-5 * np.abs(differences).max())
+
+
+@pytest.mark.parametrize('count', [60, 301])
+@pytest.mark.parametrize('least_sigma', [1e-6, 0.8])
+def test_step_is_that_of_weighted_least_squares(count: int, least_sigma: float):
+    random = np.random.default_rng(5)
+    slope, distance = random.normal(size=(count, 5)), random.normal(size=count)
+    distance[::9] *= 20.0
+    sigma = max(least_sigma, 1.4826 * float(np.median(np.abs(distance))))
+    root = np.clip(1.0 - (distance / (4.685 * sigma)) ** 2, 0.0, None)  # of the weight
+    expected = -np.linalg.lstsq(slope * root[:, None], distance * root, rcond=None)[0]
+    np.testing.assert_allclose(epipolar._step(distance, slope, least_sigma), expected, rtol=1e-6)
 
 
 def test_too_few_points_give_no_motion():

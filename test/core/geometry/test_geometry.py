@@ -37,6 +37,17 @@ class TestWarp:
         # (100, 50): divided by 1 + 1 = 2
         np.testing.assert_allclose(apply(matrix, np.float32([[100, 50]])), [[50, 25]])
 
+    @pytest.mark.parametrize('kind', [np.float32, np.float64])
+    def test_points_of_any_shape_and_kind_go_through_a_warp(self, kind):
+        random = np.random.default_rng(0)
+        points, matrix = random.uniform(0, 500, (7, 30, 2)).astype(kind), np.eye(3) + random.normal(0, 1e-4, (3, 3))
+        seen = np.concatenate([points, np.ones((7, 30, 1))], axis=-1) @ matrix.T
+        for chosen in (points, points[::2, ::3]):
+            moved = apply(matrix, chosen)
+            assert moved.dtype == kind
+            expected = seen if chosen is points else seen[::2, ::3]
+            np.testing.assert_allclose(moved, expected[..., :2] / expected[..., 2:], rtol=2e-5, atol=1e-3)
+
     def test_grid_points_are_centres_of_cells(self):
         # 8 pixels in 2 cells: pixels 0..3 and 4..7, centres 1.5 and 5.5
         np.testing.assert_allclose(grid_points(1, 2, 8, 4)[0], [[1.5, 1.5], [5.5, 1.5]])

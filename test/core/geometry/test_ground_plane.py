@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from motion_detect_ros.core.geometry.ground_plane import fit_ground
+from motion_detect_ros.core.geometry import ground_plane
+from motion_detect_ros.core.geometry.ground_plane import GroundPlane, fit_ground, ground_below
 
 
 def _points(random: np.random.Generator, count: int = 2000) -> np.ndarray:
@@ -33,6 +34,29 @@ def test_least_inverse_depth_is_below_the_plane_and_never_negative():
     assert np.all(least[:2] < low[:2, 1] * 0.5)
     assert np.all(least[:2] > low[:2, 1] * 0.5 * 0.7)
     assert least[2] == 0.0
+
+
+def test_points_agree_up_to_two_deviations():
+    random = np.random.default_rng(6)
+    rows, plane = random.normal(size=(500, 3)), np.array([0.02, 0.5, 0.01])
+    error = random.normal(0.0, 3.0, 500)
+    assert ground_plane._agreeing(rows, rows @ plane + error, plane) == np.count_nonzero(np.abs(error) < 2.0)
+
+
+def test_ground_is_that_of_the_marked_points_in_front():
+    random = np.random.default_rng(7)
+    points = _points(random, 6000).reshape(60, 100, 2)
+    inverse = 0.5 * points[..., 1] + 0.01
+    below = np.zeros((60, 100), bool)
+    below[20:] = True
+    inverse[:20], inverse[20:40, ::2] = 0.9, -1.0
+    ground = ground_below(points, inverse, np.full((60, 100), 500.0), below)
+    np.testing.assert_allclose(ground.coefficients, [0.0, 0.5, 0.01], atol=1e-6)
+
+
+def test_limit_is_slack_behind_the_plane():
+    """15 % farther away, and a hundredth of a radian below: by hand for inverse depth 3 x + 4 y + 0.5."""
+    np.testing.assert_allclose(GroundPlane(np.array([3.0, 4.0, 0.5])).limit, [2.55, 3.4, 0.425 - 0.05])
 
 
 def test_no_plane_where_nothing_agrees():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from motion_detect_ros.core.tracking.motion_filter import FIRST_VELOCITY_RATIO, VELOCITY_RATIO, MotionFilter
+from motion_detect_ros.core.tracking.track import AT_REST
 
 PLACE_OF_STATE = np.eye(2, 4)
 
@@ -34,11 +35,11 @@ class Textbook:
 def test_states_and_variances_are_the_textbook_s(seed: int) -> None:
     random = np.random.default_rng(seed)
     first = random.normal(0.0, 50.0, 4)
-    ours, theirs = MotionFilter(first[:2], first[2:], 2.0), Textbook(first.copy(), 2.0)
+    ours, theirs = MotionFilter(tuple(first[:2].tolist()), tuple(first[2:].tolist()), 2.0), Textbook(first.copy(), 2.0)
     normalised = []
     for _ in range(40):
         dt, acceleration, noise = random.uniform(0.02, 0.1), random.uniform(5, 50), random.uniform(0.5, 20.0)
-        ours.predict(np.eye(3), dt, acceleration)
+        ours.predict(AT_REST, dt, acceleration)
         theirs.predict(dt, acceleration)
         choice = random.integers(4)
         measured = theirs.x + random.normal(0.0, 3.0, 4)
@@ -52,7 +53,7 @@ def test_states_and_variances_are_the_textbook_s(seed: int) -> None:
             ours.correct(measured[:2], measured[2:], noise)
             spread = np.diag([noise, noise, VELOCITY_RATIO * noise, VELOCITY_RATIO * noise])
             normalised.append(theirs.correct(np.eye(4), spread, measured) / 4.0)
-        assert ours.state == pytest.approx(theirs.x, rel=1e-9)
+        assert [*ours.centre, *ours.velocity] == pytest.approx(theirs.x, rel=1e-9)
         assert [ours._place, ours._both, ours._speed] == pytest.approx(theirs.P[[0, 0, 2], [0, 2, 2]], rel=1e-7)
     scale, weight = 1.0, 5.0  # running mean of the normalised innovations: 0.9 kept an update, from 1 of weight 5
     for each in normalised:
@@ -62,6 +63,6 @@ def test_states_and_variances_are_the_textbook_s(seed: int) -> None:
 
 def test_the_camera_carries_the_position_in_pixel_centres() -> None:
     """Twice as large about the centre of pixel (0, 0), which is (0.5, 0.5) in edges of pixels."""
-    track = MotionFilter(np.array([10.5, 20.5]), np.array([30.0, 0.0]), 1.0)
-    track.predict(np.diag([2.0, 2.0, 1.0]), 0.1, 0.0)
-    assert track.state == pytest.approx([20.5 + 6.0, 40.5, 60.0, 0.0])
+    track = MotionFilter((10.5, 20.5), (30.0, 0.0), 1.0)
+    track.predict(np.diag([2.0, 2.0, 1.0]).tolist(), 0.1, 0.0)
+    assert [*track.centre, *track.velocity] == pytest.approx([20.5 + 6.0, 40.5, 60.0, 0.0])

@@ -27,6 +27,28 @@ def straight(velocities: list[tuple[float, float]]) -> list[np.ndarray]:
     return [seconds * np.array(velocities) for seconds in SECONDS]
 
 
+def test_points_are_compared_over_the_longest_baseline_that_both_have() -> None:
+    """Against their definition, pair by pair: a pixel and 4 % of the shorter way."""
+    random = np.random.default_rng(0)
+    ways = [seconds * 40.0 + random.normal(0.0, 0.8, (60, 2)) for seconds in SECONDS]
+    for index, way in enumerate(ways):
+        way[random.random(60) < 0.8 - 0.2 * index] = np.nan
+    ways[-1][:2] = np.nan
+    pairs = random.integers(0, 60, (500, 2))
+
+    def alike(one: int, other: int) -> bool:
+        for way in ways:
+            if np.isfinite(way[[one, other]]).all():
+                shorter = min(np.linalg.norm(way[one]), np.linalg.norm(way[other]))
+                return bool(np.linalg.norm(way[one] - way[other]) < 1.0 + 0.04 * shorter)
+        return False
+
+    expected = [alike(*pair) for pair in pairs.tolist()]
+    assert 100 < sum(expected) < 400
+    assert moved_alike(ways, pairs).tolist() == expected
+    assert not moved_alike([], pairs).any()
+
+
 @pytest.mark.parametrize('rate', [0.3, -0.3, 0.5])
 def test_ends_of_a_car_that_turns_are_one_body(rate: float) -> None:
     ways, places = on_circle([(40.0, 0.0), (-40.0, 0.0)], rate)

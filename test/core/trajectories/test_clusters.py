@@ -7,13 +7,16 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import Delaunay
 
 from motion_detect_ros.core.trajectories.changes import changed_pixels, relit
-from motion_detect_ros.core.trajectories.clusters import find_clusters
+from motion_detect_ros.core.trajectories.clusters import ALONG, Cluster, _links, _on_changes, carried, find_clusters
 from motion_detect_ros.core.trajectories.linked_groups import linked_groups
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
 from motion_detect_ros.core.trajectories.points import Points
-from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrames
+from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrames, shrunk
 from motion_detect_ros.core.types import EgoMotion, EgoStatus, PreparedFrame
 
 PERIOD_NS = 50_000_000
@@ -153,6 +156,73 @@ class TestClusters:
         assert clusters_of([still]) == []
 
 
+class TestLinks:
+    def test_neighbours_are_those_of_the_triangulation_up_to_60_pixels(self) -> None:
+        random = np.random.default_rng(0)
+        moving, still = (random.uniform([0, 0], [WIDTH, HEIGHT], (count, 2)).astype(np.float32) for count in (80, 50))
+        places = np.concatenate([moving, still, 1e5 * np.array([[-1.4, -1.1], [1.7, -1.0], [0.1, 1.9]])])
+        first, neighbours = Delaunay(places).vertex_neighbor_vertices
+        expected = {(one, int(other)) for one in range(80) for other in neighbours[first[one]:first[one + 1]]
+                    if one < other < 80 and np.linalg.norm(places[one] - places[other]) <= 60.0}
+        found = _links(moving, still).tolist()
+        assert len(found) == len(expected) > 50
+        assert {tuple(pair) for pair in found} == expected
+
+    def test_a_link_lies_on_what_changed(self) -> None:
+        """By its length: up to 6 pixels anywhere, up to 20 with six of its nine places, beyond that with eight."""
+        random = np.random.default_rng(1)
+        changed = cv2.blur(random.random((HEIGHT // 2, WIDTH // 2)), (5, 5)) > 0.47
+        places = random.uniform([40, 40], [WIDTH - 40, HEIGHT - 40], (1200, 2)).astype(np.float32)
+        places[1::2] = places[::2] + random.uniform(-22, 22, (600, 2)).astype(np.float32)
+        links = np.arange(1200).reshape(-1, 2)
+
+        def lies(one: np.ndarray, other: np.ndarray) -> bool:
+            length = float(np.linalg.norm(one - other))
+            places = (np.rint((1.0 - share) * one + share * other) for share in np.arange(0.1, 0.95, 0.1))
+            number = sum(bool(changed[int(row) // 2, int(column) // 2]) for column, row in places)
+            return length < 6.0 or number >= (6 if length <= 20.0 else 8)
+
+        expected = [lies(*places[link].astype(np.float64)) for link in links]
+        covered = np.empty(len(links), np.bool_)
+        _on_changes(places, links, changed, ALONG, covered)
+        assert 100 < sum(expected) < 500
+        assert covered.tolist() == expected
+
+
+class TestCarried:
+    """Points of which every fourth dies, and all from the 40th on."""
+
+    RANDOM = np.random.default_rng(0)
+    BEFORE, NOW = RANDOM.uniform(0, 200, (60, 2)), RANDOM.uniform(0, 200, (60, 2))
+
+    def points(self, places: np.ndarray, number: np.ndarray) -> Points:
+        path = np.full((len(places), MAX_FRAMES, 2), np.nan, np.float32)
+        path[:, 0] = places
+        return Points(path, np.full(len(places), 9, np.int32), np.zeros((len(places), 2), np.float32), number)
+
+    def test_where_their_points_live_clusters_go_with_them(self) -> None:
+        before = self.points(self.BEFORE, np.arange(60))
+        lives = np.arange(60) % 4 != 0
+        lives[40:] = False
+        now = self.points(self.NOW[lives], np.flatnonzero(lives))
+        few, dead = np.arange(11, 17), np.arange(40, 50)
+        members = [np.array([2, 1, 4, 5, 30, 6, 7, 8, 9]), few, dead, np.arange(20, 28)]
+        one, *gone, other = carried([Cluster(each, *np.zeros((2, 2), np.float32), np.ones(2), np.full(2, 3.0))
+                                     for each in members], before, now)
+        assert gone == [None, None]
+        for (cluster, way), was in ((one, members[0]), (other, members[3])):
+            alive = was[lives[was]]
+            assert now.number[cluster.members].tolist() == alive.tolist()
+            places = self.NOW[alive].astype(np.float32)
+            np.testing.assert_array_equal(cluster.low, places.min(axis=0))
+            np.testing.assert_array_equal(cluster.high, places.max(axis=0))
+            np.testing.assert_allclose(way, np.median(self.NOW[alive] - self.BEFORE[alive], axis=0), atol=1e-4)
+            assert cluster.velocity.tolist() == [1.0, 1.0]
+            assert cluster.background.tolist() == [3.0, 3.0]
+        assert carried([], before, now) == []
+        assert carried([Cluster(dead, *np.zeros((4, 2)))], before, now) == [None]
+
+
 class TestChanges:
     NOISE = cv2.GaussianBlur(np.random.default_rng(4).normal(size=(HEIGHT, WIDTH)), (0, 0), 2.0)
     TEXTURE = cv2.normalize(NOISE, None, 60, 180, cv2.NORM_MINMAX).astype(np.uint8)
@@ -182,16 +252,34 @@ class TestChanges:
         assert not changed_pixels(frames, [1, 2]).any()
         assert not changed_pixels(frames, []).any()
 
+    @pytest.mark.parametrize('shape', [(270, 480), (120, 427), (271, 487), (160, 240)])
+    def test_an_image_is_shrunk_to_the_means_of_its_areas(self, shape: tuple[int, int]) -> None:
+        """Each an eighth of the sides, with whole ratios of the sizes and with others."""
+        gray = np.random.default_rng(0).integers(0, 256, shape).astype(np.uint8)
+        expected = cv2.resize(gray, (shape[1] // 8, shape[0] // 8), interpolation=cv2.INTER_AREA)
+        np.testing.assert_array_equal(shrunk(gray), expected)
+
     @pytest.mark.parametrize('shape', [(20, 20), (79, 300), (81, 161)])
     def test_any_size(self, shape: tuple[int, int]) -> None:
         gray = np.full(shape, 100, np.uint8)
-        assert (relit(gray, gray) == 100).all()
+        assert (relit(gray, shrunk(gray)) == 100).all()
 
 
 class TestLinkedGroups:
     def test_what_is_linked_over_others_too_is_one_group(self) -> None:
         groups = linked_groups(6, np.array([[4, 0], [4, 2], [5, 1]]))
         assert [group.tolist() for group in groups] == [[0, 2, 4], [1, 5], [3]]
+
+    @pytest.mark.parametrize('links', [10, 60, 90, 200])
+    @pytest.mark.parametrize('least', [1, 3])
+    def test_many(self, links: int, least: int) -> None:
+        """Against SciPy's."""
+        pairs = np.random.default_rng(links).integers(0, 100, (links, 2))
+        graph = coo_array((np.ones(links), tuple(pairs.T)), shape=(100, 100))
+        count, labels = connected_components(graph, directed=False)
+        expected = sorted(np.flatnonzero(labels == label).tolist() for label in range(count))
+        found = [group.tolist() for group in linked_groups(100, pairs, least)]
+        assert found == [group for group in expected if len(group) >= least]
 
     def test_without_links_everything_is_alone(self) -> None:
         assert [group.tolist() for group in linked_groups(2, np.zeros((0, 2), np.intp))] == [[0], [1]]

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
+from motion_detect_ros.core.geometry.cells import near_others
 from motion_detect_ros.core.trajectories.new_points import NewPoints
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
 from motion_detect_ros.core.trajectories.points import Points, PointTracker
@@ -71,6 +73,20 @@ def test_none_is_spared_near_what_moves():
     assert spare[far].mean() > 0.9
 
 
+def test_near_is_what_a_tree_of_all_points_finds():
+    random = np.random.default_rng(4)
+    points = (random.random((2000, 2)) * [WIDTH, HEIGHT]).astype(np.float32)
+    points[:100] = 6.0 * random.integers(0, 26, (100, 2))  # many are exactly 30 pixels apart
+    for count in (0, 1, 40):
+        others = random.permutation(100)[:count]
+        chosen = random.random(2000) < 0.7
+        expected = chosen.copy()
+        if count:
+            expected &= cKDTree(points[others].astype(float)).query(points.astype(float))[0] >= 30.0
+        chosen &= ~near_others(points, points[others], 30.0, WIDTH, HEIGHT)
+        np.testing.assert_array_equal(chosen, expected)
+
+
 def test_none_is_spared_that_may_move_or_has_not_been_watched_for_long():
     assert not spare_points(lattice(), motion(evidence=2.1), recent()).any()
     assert not spare_points(lattice(age=11), motion(), recent()).any()  # 0.44 s
@@ -97,10 +113,12 @@ def test_points_that_are_spared_are_gone_and_the_others_live_on():
         status = EgoStatus.OK if index else EgoStatus.FIRST_FRAME
         frames.add(PreparedFrame(gray, 1.0, WIDTH, HEIGHT, (index + 1) * PERIOD_NS),
                    EgoMotion(np.eye(3), np.eye(6), status, (index + 1) * PERIOD_NS, index * PERIOD_NS))
-        points = tracker.step(frames, None)
+        tracker.track(frames, None)
+        points = tracker.start(frames, None)
     spare = points.now[:, 0] < 100
     tracker.told(np.zeros(len(points), bool), spare)
-    after = tracker.step(frames, None)
+    tracker.track(frames, None)
+    after = tracker.start(frames, None)
     assert spare.sum() > 10
     assert not set(points.number[spare]) & set(after.number)
     assert set(points.number[~spare]) & set(after.number)

@@ -77,6 +77,31 @@ def test_points_must_lie_in_two_thirds_of_the_box(right: int, is_denied: bool):
     assert denied(box(20, 20, 80, 80), chosen=LATTICE[:, 0] < right) is is_denied
 
 
+def test_many_boxes_against_the_definition():
+    """Points at random, of which some are slow to tell, some move and some are doubtful."""
+    random = np.random.default_rng(0)
+    points = points_at(random.uniform(0, 200, (900, 2)).astype(np.float32))
+    sigmas, evidence = np.where(random.random(900) < 0.09, 9.0, 0.0), random.exponential(2.0, 900)
+    least = random.uniform(20.0, 70.0, 900)
+    standing = StandingPoints()
+    standing.measured(points, replace(PointMotion.at_rest(900), sigmas=sigmas, evidence=evidence, least_speed=least),
+                      np.flatnonzero(random.random(900) < 0.9))
+    old = standing._old
+    boxes = [box(left, top, left + width, top + height, speed) for left, top, width, height, speed
+             in random.uniform([0, 0, 8, 8, 30], [150, 150, 50, 50, 90], (200, 5))]
+
+    def stands(each: Candidate) -> bool:
+        share = (points.now[old] - each.centre) / each.size + 0.5
+        telling = ((share >= 0.0) & (share < 1.0)).all(axis=1) & (least[old] < np.hypot(*each.velocity_px_s))
+        parts = {(int(3 * x), int(3 * y)) for x, y in share[telling]}
+        chosen = old[telling]
+        return bool(len(parts) >= 6 and (sigmas[chosen] > 0.0).mean() < 0.1 and np.median(evidence[chosen]) < 1.5)
+
+    expected = [stands(each) for each in boxes]
+    assert 20 < sum(expected) < 180
+    assert standing.denied(boxes, points, 1.0) == expected
+
+
 def test_where_no_motion_was_measured_nothing_is_denied():
     assert StandingPoints().denied([box(20, 20, 80, 80)], points_at(LATTICE), 1.0) == [False]
 

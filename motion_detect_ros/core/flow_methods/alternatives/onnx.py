@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 
 from motion_detect_ros.core.errors import BackendError
+from motion_detect_ros.core.threads import threads
 from motion_detect_ros.core.types import ByteArray, FloatArray
 
 #: RAFT works on features at an eighth of the resolution.
@@ -64,7 +65,7 @@ class OnnxFlow:
             raise BackendError('optical_flow.method onnx: expected ONNX Runtime, found none; '
                                'install onnxruntime (extra onnx of motion_detect_ros)') from None
         options = runtime.SessionOptions()
-        options.intra_op_num_threads = cv2.getNumThreads()
+        options.intra_op_num_threads = threads()
         options.log_severity_level = 4
         try:
             return runtime.InferenceSession(self._path, options, providers=['CPUExecutionProvider'])

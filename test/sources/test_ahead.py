@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from motion_detect_ros.cli.ahead import Ahead
+from motion_detect_ros.sources.ahead import Ahead
 
 
 def test_items_come_in_order_and_then_the_end() -> None:

@@ -1,0 +1,99 @@
+"""``bench``: what was tried to make it faster, and what came of it; text of docs/performance.md."""
+
+#: Written by hand: trials are not part of a run.
+TRIED = '''## What pays, and what does not
+
+Measured when it was built or tried, on the clips named; accuracy that it costs or gains: [accuracy.md](accuracy.md).
+
+| pays | before | after |
+|---|---|---|
+| forward-backward check of the flow on its grid instead of every pixel (nine clips, frame) | 69 ms | 42 ms |
+| points: change at half the resolution, new ones in every second frame, fewer baselines (one thread, points only) | \
+82 ms | 42 ms |
+| points: motion and clusters every 0.1 s (the same) | 42 ms | 21 ms |
+| flow every 0.1 s, in other frames than these (305, processor time of a frame) | 77 ms | 45 ms |
+| objects of points and of flow looked for behind the answer, for the next frame, where frames take up to 0.06 s \
+(frame to answer on two cores, mean; two or three runs each in one hour, with the next two lines: 305, `uavdt_M1303`) \
+| 60 to 78, 60 ms | 17 to 21, 19 to 24 ms |
+| kernels in place of NumPy calls on small arrays (one thread, a frame of 305: motion of the points and which of them \
+can be spared 6.2 to 1.7, clusters 4.4 to 1.9, boxes of points 7.7 to 3.3, candidates of flow 4.7 to 3.3, tracks 1.8 \
+to 0.9, ART2 1.0 to 0.15 ms; corners of new points in the cells that need one only 7.6 to 3.2 ms; all together) | 58 \
+to 63 ms | 41 to 47 ms |
+| up to two threads, the package's own instead of OpenCV's, which wait for their next call in a loop (processor time \
+of 305, `uavdt_M1303`, KITTI; the frame as long) | 52 to 56, 62 to 65, 61 to 66 ms | 45 to 57, 48 to 53, 44 to 47 ms \
+|
+| kernels compiled by processes of their own (warm-up where they are compiled first, and memory then: preset \
+`default`; preset `visdrone`, which has 29 more of them than before) | 6.1 s, 298 MB; 7.3 s, 307 MB | 6.3 s, 256 MB; \
+10.7 s, 279 MB |
+| flow computed behind the answer, too (305, `uavdt_M1303`, answer on two cores, three runs in turn: mean; 95th \
+percentile) | 18.9 to 19.3, 20.5 to 21.7; 27 to 28, 28 to 33 ms | 15.3 to 16.3, 17.0 to 19.2; 18 to 23, 20 to 25 ms |
+| features for the next frame looked for after the answer instead of beside the flow (305, the same) | 15.3 to 16.3 \
+ms | 14.2 to 14.9 ms |
+| segments of a frame of over 40 by two threads (default, 100 objects; two runs in turn) | 82, 83 ms | 71, 74 ms |
+| the photometric test of a segment by one kernel instead of five calls (KITTI, two cores, three runs in turn) | 26.2 \
+to 27.5 ms | 25.9 to 26.2 ms |
+| the ego-motion's second pass on the warped picture for turns and zooms over 5 % instead of 2 % (KITTI, two cores, \
+mean; four runs in turn, with two threads; processor time) | 27.5 to 31.3; 36 to 44 ms | 24.6 to 28.7; 32 to 36 ms |
+| freed memory stays with the process (`allocator.py`; page faults, frame) | 7 ms | 0 ms |
+| in two heaps instead of one for each thread (`pipeline`, `visdrone`, 305 at 20 Hz, after 2 minutes, 40 s of them \
+beside two busy loops) | 407 MB | 379 MB |
+| `replay` writes in a thread of its own, its report reads ahead and packs beside the film (305, 136 frames, from \
+start to report, three runs in turn) | 7.5 to 8.0 s | 7.1 to 7.4 s |
+| check of flow by points, one box at a time (305, frame) | 1.4 ms | 0.4 ms |
+| points of the ego-motion that fail without a pyramid are let go where they are under 5 % (one thread, ego-motion of \
+305 / `uavdt_M1303`, two runs in turn; on KITTI more fail, nothing changes) | 9.0 / 9.8 ms | 8.2 / 8.6 ms |
+| window of the ego-motion's tracker 16 instead of 15 px, but for the preset `visdrone`: OpenCV handles 8 pixels of a \
+row at once, the rest one by one (KITTI, one thread, ego-motion; 305 would gain 1 to 3 of 11 to 14 ms) | 25 to 28 ms \
+| 17 ms |
+| kernels fill arrays that their callers make, and have no wrapper for C (start of `pipeline` to its first message \
+where they are compiled first, and memory then; two runs in turn, quiet machine) | 8.9 to 9.5 s, 406 MB | 6.3 to 6.6 \
+s, 367 MB |
+| what the start has freed is given back once (memory at that message) | 367 MB | 347 MB |
+
+| does not pay | |
+|---|---|
+| second half of a frame in a second thread, beside the first half of the next (305 live at 20 Hz) | 60 to 66 instead \
+of 68 ms between answers, but these 195 to 219 instead of 91 to 96 ms old; processor time of a frame 69 to 87 ms |
+| kernels compiled with less optimisation (`NUMBA_OPT=0`; before arrays were made outside of them) | 8.9 instead of \
+12.5 s, and slower for good: over two thirds are numba's own work in Python |
+| boxes of the points' clusters fitted in two threads (305, 28 clusters) | 23 instead of 22 ms: most of it holds \
+Python's lock; with kernels 7.1 instead of 7.0 ms |
+| planar and three-dimensional background fitted side by side (KITTI, eight runs in turn) | 27.2 instead of 27.5 ms: \
+much of both holds Python's lock |
+| segments of a frame of over 24 instead of 40 by two threads (KITTI, eight runs in turn) | 26.2 instead of 26.1 ms |
+| points tracked back behind the answer too (305, a frame) | 1 to 2 ms less, but points that fail carry boxes, \
+`uavdt_M1303` at IoU 0.5 0.517 to 0.470 |
+| a Delaunay triangulation of our own in a kernel, the same edges as Qhull's | 0.5 instead of 4.2 ms ten times a \
+second, behind the answer, for 130 lines: SciPy's stays |
+| kernels for the normal equations of the ego-motion's and the background's samples, weights and cost | 0.1 ms a \
+frame for 2 s of compiling |
+| `replay`: reading, both halves of the work and writing in threads of their own (305, forwards and backwards, 544 \
+frames, results the same; it stays) | 24.0 to 25.0 instead of 29.3 to 29.7 s, 1.2 times as fast, not the 1.6 hoped \
+for: OpenCV's threads fill both cores already, and with one of them Python's lock is in the way; several inputs at \
+once do better |
+| the same today, all but the start, beside one frame after the other with its work behind the answer waited for \
+(305, 272 frames, the same bytes) | 28 to 30 instead of 34 to 39 ms a frame; 43 ms of processor time on two cores are \
+in the way, and that a frame's points wait for what the last one has shown |
+| `replay`: a low priority for the threads that read and measure ahead | 28.1 instead of 30.1 ms a frame, on Linux \
+only |
+| segments of a frame of 29 by two threads (KITTI) | 26.4 to 27.4 instead of 25.9 to 27.2 ms, and 2 ms more processor \
+time |
+| kernels compiled with less optimisation, as kernels are now (all of the preset `visdrone`, processor time) | 22.3, \
+22.2, 21.3, 17.6 s with `NUMBA_OPT` 3, 2, 1, 0 |
+| `replay`: the second half in a process of its own (the same) | 23.4 to 23.8 instead of 24.0 to 25.0 s: it is 41 of \
+68 ms, and frames have to be sent; from the ninth frame on results differ in the sixth digit |
+| neighbours of moving points by a distance transform instead of a k-d tree; errors of pictures by OpenCV's warps \
+instead of a kernel (305, M1303, one thread) | -1 to +1 of 54 and 63 ms; 0 to +1 ms |
+| one set of points for ego-motion and small objects | 4 to 5 of 60 ms of one thread, but see \
+[accuracy.md](accuracy.md#what-was-tried) |
+| places of new points: cells that did not change are left before their corners are looked at | 0.0 to 0.2 of 49 ms, \
+the same bytes |
+| smaller windows, fewer corners, longer intervals than these | 2 to 7 ms of 46, for 0.004 to 0.013 of mean F1 |
+
+Over 30 minutes with the preset `visdrone` on 305, beside the whole test suites, memory rose for 18 minutes, while the
+heaps found their size, and by 0.2 MB in the last 12; the first minutes of a run by itself: 20 ms, nothing dropped.
+
+Of 48 ms a frame of 305 on one thread (cProfile) OpenCV's tracker takes 27 %, its dense flow 12 %, corners of new points
+4 %, the triangulation 4 %, warps 3 %, errors of pictures 2 %; nothing else is over 2 %. The tracker's calls are 6000
+points forwards in every frame and backwards in every second one, and 700 of the ego-motion both ways.
+'''

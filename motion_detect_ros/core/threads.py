@@ -1,0 +1,76 @@
+"""How many threads work on a frame.
+
+Those of OpenCV wait for their next call in a loop, which costs up to a quarter of all processor time. So, once ``use``
+is called, two threads are this package's own, and OpenCV keeps to the one that calls it; of more, OpenCV's have a use
+inside of its dense flow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import TypeVar
+
+import cv2
+
+Part = TypeVar('Part')
+Outcome = TypeVar('Outcome')
+
+#: So many threads and fewer have enough to do without OpenCV's.
+OWN = 2
+#: Threads of this process; empty: nobody has said how many, and there are OpenCV's.
+_count: list[int] = []
+
+
+def threads() -> int:
+    """How many there are, the caller's own included."""
+    return _count[0] if _count else cv2.getNumThreads()
+
+
+def use(count: int) -> None:
+    """So many from now on in this process, at least 1; 0 = as many as there are."""
+    _count[:] = [count or threads()]
+    cv2.setNumThreads(1 if threads() <= OWN else threads())
+
+
+@contextmanager
+def limited(count: int) -> Iterator[None]:
+    """So many within the block; 0 = as many as there are."""
+    before, opencv = list(_count), cv2.getNumThreads()
+    use(count)
+    try:
+        yield
+    finally:
+        _count[:] = before
+        cv2.setNumThreads(opencv)
+
+
+class Helpers:
+    """Threads that do parts of one thing beside their caller, where OpenCV has one thread only."""
+
+    def __init__(self, name: str) -> None:
+        """name: of the threads."""
+        self._name = name
+        self._pools: dict[int, ThreadPoolExecutor] = {}
+
+    @staticmethod
+    def parts(size: int, least: int) -> int:
+        """In how many parts to do something of that size, of which less than ``least`` is not worth a thread."""
+        return 1 if cv2.getNumThreads() > 1 else max(1, min(threads(), size // least))
+
+    def share(self, function: Callable[[Part], Outcome], parts: Sequence[Part]) -> list[Outcome]:
+        """``function`` of every part, in their order, the first by the caller. Raises: what it raises."""
+        if len(parts) == 1:
+            return [function(parts[0])]
+        pool = self._pools.get(len(parts)) or self._pools.setdefault(
+            len(parts), ThreadPoolExecutor(len(parts) - 1, self._name))
+        waiting = [pool.submit(function, part) for part in parts[1:]]
+        done = [function(parts[0])]
+        for part, future in zip(parts[1:], waiting, strict=True):  # who waits for a busy thread does its work
+            done.append(function(part) if future.cancel() else future.result())
+        return done
+
+
+#: Of this process: as many threads as can be of use, whatever is shared out.
+HELPERS = Helpers('helpers')

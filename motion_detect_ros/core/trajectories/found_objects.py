@@ -1,0 +1,109 @@
+"""Objects from clusters of points: boxes that are fitted and believed, and where they go from frame to frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from motion_detect_ros.core.config import ObjectsConfig
+from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.trajectories.clusters import Cluster, carried
+from motion_detect_ros.core.trajectories.own_pixels import NearestPoints
+from motion_detect_ros.core.trajectories.point_boxes import BoxFitter, PointBox
+from motion_detect_ros.core.trajectories.point_counts import PointCounts
+from motion_detect_ros.core.trajectories.point_scoring import ClusterFigures, PointScore
+from motion_detect_ros.core.trajectories.points import Points
+from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
+from motion_detect_ros.core.trajectories.soft_shadows import SoftShadows
+from motion_detect_ros.core.types import BoolArray, DoubleArray
+
+#: With so much lower log odds than the least, taken with the bounds of the points, no box is fitted.
+UNFITTED_LOG_ODDS = 0.5
+#: How far around a box the points are looked at, pixels.
+AROUND_PX = 10.0
+#: ``Candidate.cluster`` of what no ART2 neuron won.
+NO_NEURON = 0
+
+
+@dataclass(frozen=True)
+class ClusteredPoints:
+    """Clusters of one frame. ``points``: of it; ``known``, ``moving``: which of these are old enough to show
+    motion, and do.
+    """
+
+    clusters: list[Cluster]
+    points: Points
+    known: npt.NDArray[np.intp]
+    moving: npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class FoundObject:
+    """Box in working-resolution pixels; the figures and the log odds are those of the frame it was found in."""
+
+    cluster: Cluster
+    box: PointBox
+    figures: ClusterFigures
+    log_odds: float
+
+    def moved(self, cluster: Cluster, way: DoubleArray) -> FoundObject:
+        """With its cluster in a later frame, its box shifted; way: (2,) pixels."""
+        box = PointBox(self.box.low + way, self.box.high + way, self.box.pixels)
+        return FoundObject(cluster, box, self.figures, self.log_odds)
+
+    def candidate(self, scale: float) -> Candidate:
+        """scale: working pixels per full-resolution pixel."""
+        low, high = self.box.low / scale, self.box.high / scale
+        return Candidate((low + high) / 2.0, high - low, self.cluster.velocity / scale, self.box.pixels / scale ** 2,
+                         self.log_odds, NO_NEURON)
+
+
+def moved_on(objects: Sequence[FoundObject], before: Points, now: Points) -> list[FoundObject]:
+    """Where the points that live on have gone, without those of which too few do."""
+    there = carried([each.cluster for each in objects], before, now)
+    return [each.moved(*to) for each, to in zip(objects, there, strict=True) if to]
+
+
+def objects_of(
+    of: ClusteredPoints, frames: RecentFrames, mask: BoolArray | None, shadows: SoftShadows, config: ObjectsConfig,
+    score: PointScore,
+) -> list[FoundObject]:
+    """Clusters of the current one of ``frames`` that have a box and are believed.
+
+    mask: (h, w), False = not the scene; None = nowhere.
+    """
+    clusters, places, shape = of.clusters, of.points.now, frames[0].gray.shape
+    if not clusters:
+        return []
+    known, moving = PointCounts(places[of.known], shape), PointCounts(places[of.moving], shape)
+    owner = np.full(len(places), -1, np.intp)
+    for number, cluster in enumerate(clusters):
+        owner[cluster.members] = number
+    fitter = BoxFitter(of.points, frames, mask, NearestPoints(places[of.known], owner[of.known]), shadows, config)
+    bounds = _figures(clusters, [PointBox.around(cluster.low, cluster.high) for cluster in clusters], known, moving)
+    fitted = [(cluster, fitter.fit(cluster, number)) for number, cluster in enumerate(clusters)
+              if score.log_odds(bounds[number]) >= score.least - UNFITTED_LOG_ODDS]
+    found = [(cluster, box) for cluster, box in fitted
+             if box is not None and min(box.whole.high - box.whole.low) >= config.min_side_px]
+    if not found:
+        return []
+    there, boxes = zip(*found, strict=True)
+    figures = _figures(there, [box.whole for box in boxes], known, moving)
+    objects = (FoundObject(cluster, box.solid, one, score.log_odds(one))
+               for (cluster, box), one in zip(found, figures, strict=True))
+    return [each for each in objects if each.log_odds >= score.least]
+
+
+def _figures(
+    clusters: Sequence[Cluster], boxes: Sequence[PointBox], known: PointCounts, moving: PointCounts,
+) -> list[ClusterFigures]:
+    low, high = np.array([box.low for box in boxes]), np.array([box.high for box in boxes])
+    inside, moving_inside = known.within(low, high, 0.0), moving.within(low, high, 0.0)
+    around = known.within(low, high, AROUND_PX) - inside
+    moving_around = moving.within(low, high, AROUND_PX) - moving_inside
+    return [ClusterFigures(len(cluster.members), *shares) for cluster, *shares in zip(
+        clusters, (moving_inside / np.maximum(1, inside)).tolist(), (moving_around / np.maximum(1, around)).tolist(),
+        strict=True)]

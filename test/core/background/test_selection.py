@@ -1,0 +1,33 @@
+"""The cost of a model against plain NumPy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from motion_detect_ros.core.background.planar import Background, motion_vectors
+from motion_detect_ros.core.background.selection import _cost
+
+RANDOM = np.random.default_rng(0)
+RESIDUAL = RANDOM.normal(0.0, 2.0, (30, 40, 2)).astype(np.float32)
+RESIDUAL[RANDOM.random((30, 40)) < 0.2] = np.nan
+BACKGROUND = Background(RANDOM.normal(0.0, 0.5, (30, 40, 2)).astype(np.float32),
+                        RANDOM.uniform(0.5, 2.0, (30, 40)).astype(np.float32))
+
+
+@pytest.mark.parametrize(('dimension', 'bound'), [(2, 4.0), (3, 2.0)])
+def test_cost_is_the_mean_bounded_error_and_a_penalty_for_each_dimension(dimension: int, bound: float) -> None:
+    error = np.linalg.norm(RESIDUAL - BACKGROUND.flow, axis=-1) / BACKGROUND.sigma_px
+    expected = np.nanmean(np.minimum(error ** 2, bound)) + dimension * math.log(4.0)
+    assert _cost(RESIDUAL, BACKGROUND, BACKGROUND.sigma_px, dimension) == pytest.approx(expected, rel=1e-5)
+
+
+def test_where_nothing_is_known_there_is_no_error() -> None:
+    assert _cost(np.full_like(RESIDUAL, np.nan), BACKGROUND, BACKGROUND.sigma_px, 2) == 2 * math.log(4.0)
+
+
+def test_motion_is_in_units_of_each_cell_s_noise() -> None:
+    np.testing.assert_array_equal(
+        motion_vectors(RESIDUAL, BACKGROUND), (RESIDUAL - BACKGROUND.flow) / BACKGROUND.sigma_px[..., None])

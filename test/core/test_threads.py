@@ -1,0 +1,67 @@
+"""Threads of this package and of OpenCV."""
+
+from __future__ import annotations
+
+import threading
+
+import cv2
+import pytest
+
+from motion_detect_ros.core.threads import Helpers, limited, threads, use
+
+
+@pytest.mark.parametrize(('count', 'opencv'), [(1, 1), (2, 1), (4, 4)])
+def test_up_to_two_threads_opencv_keeps_to_its_callers(count: int, opencv: int) -> None:
+    before = threads(), cv2.getNumThreads()
+    with limited(count):
+        assert (threads(), cv2.getNumThreads()) == (count, opencv)
+        use(0)
+        assert (threads(), cv2.getNumThreads()) == (count, opencv), '0 leaves them as they are'
+    assert (threads(), cv2.getNumThreads()) == before
+
+
+def test_they_are_as_before_after_an_error() -> None:
+    before = threads(), cv2.getNumThreads()
+    with pytest.raises(ValueError), limited(1):
+        raise ValueError
+    assert (threads(), cv2.getNumThreads()) == before
+
+
+@pytest.mark.parametrize(('count', 'size', 'parts'), [
+    (1, 100, 1), (2, 100, 2), (2, 39, 1), (2, 40, 2), (2, 0, 1), (4, 100, 1)])
+def test_what_is_small_or_opencv_s_is_one_part(count: int, size: int, parts: int) -> None:
+    with limited(count):
+        assert Helpers.parts(size, 20) == parts
+
+
+def test_parts_are_done_side_by_side_and_told_in_their_order() -> None:
+    """Each waits for the other to have begun."""
+    begun = threading.Barrier(2, timeout=60.0)
+    with limited(2):
+        done = Helpers('test').share(lambda part: (begun.wait(), threading.current_thread(), part)[1:], range(2))
+    assert [part for _, part in done] == [0, 1]
+    assert done[0][0] is threading.current_thread()
+    assert done[1][0] is not threading.current_thread()
+
+
+def test_who_waits_for_a_busy_thread_does_its_work() -> None:
+    helpers, go_on, busy = Helpers('test'), threading.Event(), threading.Event()
+
+    def wait_for_it(part: int) -> None:
+        if part == 1:
+            busy.set()
+            assert go_on.wait(60.0)
+
+    other = threading.Thread(target=lambda: helpers.share(wait_for_it, range(2)))
+    other.start()
+    assert busy.wait(60.0)
+    done = helpers.share(lambda part: threading.current_thread(), range(2))
+    go_on.set()
+    other.join()
+    assert done == [threading.current_thread()] * 2
+
+
+@pytest.mark.parametrize('failing', [0, 1])
+def test_what_a_part_raises_is_raised(failing: int) -> None:
+    with pytest.raises(ZeroDivisionError):
+        Helpers('test').share(lambda part: 1 / (part - failing), range(2))

@@ -1,0 +1,98 @@
+"""Kernels compiled ahead by processes of their own."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from motion_detect_ros.benchmarks.kernel_table import recorded
+from motion_detect_ros.kernel_compiler import KINDS, Signature, compile_elsewhere, shares, signatures
+
+#: Warms up and prints how many kernels other processes and this one compiled, and what was told.
+START = """
+import json, sys
+from numba.core import event
+from motion_detect_ros import kernel_compiler
+from motion_detect_ros.presets import load_preset
+class Count(event.Listener):
+    own = 0
+    def on_start(self, _):
+        self.own += 1
+    def on_end(self, _):
+        pass
+count, told = Count(), []
+elsewhere = kernel_compiler.compile_elsewhere
+def counted(wanted, tell):
+    elsewhere({wanted}, tell)
+    event.register('numba:compile', count)
+kernel_compiler.compile_elsewhere = counted
+kernel_compiler.warm_up_ahead(load_preset('default'), {detects}, told.append)
+print(json.dumps([count.own, told]))
+"""
+
+
+def start(cache: Path, detects: bool, wanted: str = 'wanted') -> tuple[int, list[int]]:
+    done = subprocess.run(
+        [sys.executable, '-c', START.format(detects=detects, wanted=wanted)], capture_output=True, text=True,
+        env={**os.environ, 'NUMBA_CACHE_DIR': str(cache)}, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    own, told = json.loads(done.stdout)
+    return own, told
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_the_table_is_what_a_start_compiles(kind: str) -> None:
+    """Else write it anew: ``python -m motion_detect_ros.benchmarks.kernel_table --write``."""
+    wanted = {(each.kernel, each.arguments) for each in recorded(kind)}
+    assert {(each.kernel, each.arguments) for each in signatures() if kind in each.kinds} == wanted
+    assert len(wanted) > 3
+
+
+def test_a_first_start_has_its_kernels_compiled_elsewhere_and_a_second_one_needs_none(tmp_path: Path) -> None:
+    own, told = start(tmp_path, detects=False)
+    assert own == 0
+    assert told[:2] == [1, 1] and told[-1] == len([each for each in signatures() if 'first_stages' in each.kinds])
+    assert start(tmp_path, detects=False) == (0, [])
+
+
+def test_what_cannot_be_compiled_elsewhere_is_compiled_where_it_is_called(tmp_path: Path) -> None:
+    unknown = "[kernel_compiler.Signature('core.nothing:no', ('float99',), 1.0, ('first_stages',))]"
+    own, told = start(tmp_path, detects=False, wanted=unknown)
+    assert own >= 6
+    assert told[0] == 1
+
+
+def test_compilers_import_from_where_the_node_does_and_not_from_its_folder(tmp_path: Path) -> None:
+    """A node is started in any folder: in one with another copy of the package, or with files of anybody."""
+    (tmp_path / 'selectors.py').write_text(f'open({str(tmp_path / "run")!r}, "w")')
+    words = [sys.executable, '-P', '-c', START.format(detects=False, wanted='wanted')]
+    done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path, timeout=300, check=False,
+                          env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path / 'cache')})
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)[0] == 0
+    assert not (tmp_path / 'run').exists()
+
+
+@pytest.mark.parametrize('program', ['/no/such/program', '/bin/false'])
+def test_without_compilers_a_start_goes_on(program: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, 'executable', program)
+    for _ in range(5):
+        compile_elsewhere([each for each in signatures() if 'first_stages' in each.kinds], lambda _: None)
+
+
+def test_shares_take_about_as_long_and_keep_modules_together() -> None:
+    one = Signature('core.a:f', (), 1.0, ())
+    wanted = [replace(one, kernel=f'core.{module}:{name}', seconds=seconds) for module, name, seconds in (
+        ('a', 'f', 1.0), ('b', 'f', 2.0), ('a', 'g', 2.0), ('c', 'f', 0.5), ('d', 'f', 0.5))]
+    split = shares(wanted, 2)
+    assert sorted(each.kernel for share in split for each in share) == sorted(each.kernel for each in wanted)
+    assert sorted(sum(each.seconds for each in share) for share in split) == [3.0, 3.0]
+    assert sum('core.a:f' in {each.kernel for each in share} and 'core.a:g' in {each.kernel for each in share}
+               for share in split) == 1
+    assert shares(wanted[:1], 4) == [wanted[:1]]
