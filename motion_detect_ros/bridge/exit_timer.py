@@ -29,11 +29,10 @@ class _TimerSpec(ctypes.Structure):
     _fields_ = (('interval', _TimeSpec), ('value', _TimeSpec))
 
 
-@contextlib.contextmanager
-def exits_after(seconds: float, code: int) -> Iterator[None]:
-    """The process ends at once with ``code``, 0 to 255, where the block takes longer than ``seconds``.
+def exits_in(seconds: float, code: int) -> ctypes.c_void_p | None:
+    """The process ends with ``code``, 0 to 255, in ``seconds`` at the latest. Returns the timer, to delete.
 
-    Nothing is flushed then. Where there is no glibc of 2.34 or later, the block takes what it takes.
+    Nothing is flushed then. Where there is no glibc of 2.34 or later, nothing happens, and None is returned.
     """
     glibc, timer = ctypes.CDLL(None), ctypes.c_void_p()
     try:
@@ -42,12 +41,19 @@ def exits_after(seconds: float, code: int) -> Iterator[None]:
     except AttributeError:
         made = False
     if not made:
-        yield
-        return
+        return None
     whole, part = divmod(seconds, 1.0)
     spec = _TimerSpec(value=_TimeSpec(int(whole), int(part * 1e9)))
     glibc.timer_settime(timer, 0, ctypes.byref(spec), None)
+    return timer
+
+
+@contextlib.contextmanager
+def exits_after(seconds: float, code: int) -> Iterator[None]:
+    """The process ends at once with ``code`` where the block takes longer than ``seconds``, as with ``exits_in``."""
+    timer = exits_in(seconds, code)
     try:
         yield
     finally:
-        glibc.timer_delete(timer)
+        if timer is not None:
+            ctypes.CDLL(None).timer_delete(timer)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
@@ -19,7 +20,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from motion_detect_ros.allocator import tune_malloc
-from motion_detect_ros.bridge.exit_timer import exits_after
+from motion_detect_ros.bridge.exit_timer import exits_after, exits_in
 from motion_detect_ros.bridge.managed_node import ManagedNode
 from motion_detect_ros.bridge.shared_memory import remove_dead_segments
 from motion_detect_ros.core.errors import MotionDetectError
@@ -145,9 +146,10 @@ def _run(make_node: Callable[[], ManagedNode], stop: StopRequest) -> int:
 
 
 def main_of(make_node: Callable[[], ManagedNode]) -> Callable[[], None]:
-    """The console script of a node."""
+    """The console script of a node, whose process ends LEAVING_TIMEOUT_S after the node has left, at the latest."""
     def main() -> None:
         code = run(make_node)
+        exits_in(LEAVING_TIMEOUT_S, code)  # threads of Fast DDS that are joined at the end may wait for themselves
         if any(thread.daemon for thread in threading.enumerate()):  # it would abort an interpreter that is going
             sys.stdout.flush()
             sys.stderr.flush()
@@ -171,7 +173,7 @@ def run_plain(make_node: Callable[[], Node]) -> None:
 
     With ``rclpy.spin`` the signal also raises KeyboardInterrupt, anywhere: in the midst of taking a message it comes
     out as RuntimeError. Here the signal ends the context only, and the executor returns when what it does is done.
-    Ends the process itself where leaving takes LEAVING_TIMEOUT_S.
+    Ends the process itself where leaving takes LEAVING_TIMEOUT_S, and so long after the end of the program has begun.
 
     Raises: what rclpy says of wrong --ros-args; SystemExit with code FAILED after an error of the node, which is
     printed, before it was told to stop.
@@ -195,6 +197,7 @@ def run_plain(make_node: Callable[[], Node]) -> None:
             code = 0
     finally:
         _leave(node, code)
+        atexit.register(exits_in, LEAVING_TIMEOUT_S, code)
     if code:
         sys.exit(code)
 

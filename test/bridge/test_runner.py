@@ -277,6 +277,47 @@ def test_a_node_that_is_done_ends_well_where_it_cannot_leave(kind):
     assert end_of(process) == (0, '')
 
 
+#: Programs whose end hangs after the node has left: Python's own exit, and what the C library runs after it, where the
+#: threads of Fast DDS are joined.
+HANGING_ENDS = {
+    'of Python': 'atexit.register(lambda: ctypes.PyDLL(None).sleep(600))',
+    'of C': 'ctypes.CDLL(None).on_exit(ctypes.CDLL(None).pause, None)'}
+ENDING_NODES = {
+    'plain': """
+from rclpy.node import Node
+from motion_detect_ros.bridge.runner import run_plain
+
+class Leaving(Node):
+    def __init__(self):
+        super().__init__('leaving')
+        self.create_timer(0.1, rclpy.try_shutdown)
+
+run_plain(Leaving)
+""",
+    'managed': """
+from motion_detect_ros.bridge.managed_node import ManagedNode
+from motion_detect_ros.bridge.runner import main_of
+
+class Leaving(ManagedNode):
+    def begin(self):
+        self.create_timer(0.1, rclpy.try_shutdown)
+
+main_of(lambda: Leaving('leaving'))()
+"""}
+
+
+@pytest.mark.timeout(120)
+@pytest.mark.parametrize('kind', ENDING_NODES)
+@pytest.mark.parametrize('end', HANGING_ENDS)
+def test_a_process_ends_where_its_own_end_hangs(kind, end):
+    script = f'import atexit, ctypes, rclpy\n{HANGING_ENDS[end]}\n{ENDING_NODES[kind]}\nprint("after", flush=True)'
+    process = subprocess.Popen(
+        [sys.executable, '-c', script, '--ros-args', '--log-level', 'warn'], text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'})
+    assert end_of(process) == (0, '')
+
+
 @pytest.mark.timeout(120)
 def test_a_plain_node_stops_at_a_signal_from_before_rclpy_looks():
     script = ('import signal, rclpy\nfrom rclpy.node import Node\n'
