@@ -222,7 +222,7 @@ class ObjectsConfig:
     join_match: float = setting(
         0.5, 'neighbouring clusters whose match is at least this are one object', low=0.0, high=1.0)
     photometric_sigma: float = setting(
-        3.0, "how much better an object's own motion must explain a pixel, units of the image noise",
+        4.0, "how much better an object's own motion must explain a pixel, units of the image noise",
         low=0.1, high=100.0)
     peak_share: float = setting(
         0.15, 'pixels whose gain is under this share of the strongest ones are shadow or blur', low=0.0, high=1.0)
