@@ -82,13 +82,21 @@ SHORT_S = 0.02
 SEED = 11
 
 
+#: Words for a node that is to print nothing of its own accord.
+QUIET = ('--ros-args', '--log-level', 'warn')
+
+
+def started(script: str, *words: str, **variables: str) -> subprocess.Popen[str]:
+    """A Python process in a domain of its own. variables: of its environment."""
+    return subprocess.Popen(
+        [sys.executable, '-c', script, *words], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+             **variables})
+
+
 def busy_node(stays_s: float = 0.3, hangs_s: float = 0.0, timeout_s: float = 30.0) -> subprocess.Popen[str]:
     """``stays_s``: how long the thread goes on after it was told to stop; ``hangs_s``: how long stopping takes."""
-    return subprocess.Popen(
-        [sys.executable, '-c', BUSY_NODE, str(stays_s), str(hangs_s), str(timeout_s),
-         '--ros-args', '--log-level', 'warn'], text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'})
+    return started(BUSY_NODE, str(stays_s), str(hangs_s), str(timeout_s), *QUIET)
 
 
 def await_line(process: subprocess.Popen[str], line: str) -> None:
@@ -139,10 +147,7 @@ runner.main_of(lambda: Ended('ended'))()
 
 
 def test_a_context_that_ends_before_the_signal_is_noted_ends_the_node_cleanly():
-    variables = {**os.environ, 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
-    done = subprocess.run([sys.executable, '-c', ENDED_NODE, '--ros-args', '--log-level', 'warn'], text=True,
-                          capture_output=True, timeout=60.0, env=variables, check=False)
-    assert (done.returncode, done.stderr) == (0, '')
+    assert end_of(started(ENDED_NODE, *QUIET)) == (0, '')
 
 
 @pytest.mark.timeout(120)
@@ -214,9 +219,7 @@ print('ended', flush=True)
 
 @pytest.mark.timeout(120)
 def test_a_plain_node_ends_cleanly_wherever_the_signal_finds_it():
-    process = subprocess.Popen(
-        [sys.executable, '-c', PLAIN_NODE], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'})
+    process = started(PLAIN_NODE)
     await_line(process, 'taking')
     await_line(process, 'ended')
     assert end_of(process) == (0, '')
@@ -266,11 +269,7 @@ main_of(lambda: Stuck('stuck'))()
 @pytest.mark.timeout(120)
 @pytest.mark.parametrize('kind', STUCK_NODES)
 def test_a_node_that_is_done_ends_well_where_it_cannot_leave(kind):
-    process = subprocess.Popen(
-        [sys.executable, '-c', STUCK_NODES[kind], '--ros-args', '--log-level', 'warn'], text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-             'PYTHONUNBUFFERED': ''})  # what is printed must be flushed by then
+    process = started(STUCK_NODES[kind], *QUIET, PYTHONUNBUFFERED='')  # what is printed must be flushed by then
     await_line(process, 'ready')
     process.send_signal(signal.SIGINT)
     await_line(process, 'done')
@@ -311,11 +310,7 @@ main_of(lambda: Leaving('leaving'))()
 @pytest.mark.parametrize('end', HANGING_ENDS)
 def test_a_process_ends_where_its_own_end_hangs(kind, end):
     script = f'import atexit, ctypes, rclpy\n{HANGING_ENDS[end]}\n{ENDING_NODES[kind]}\nprint("after", flush=True)'
-    process = subprocess.Popen(
-        [sys.executable, '-c', script, '--ros-args', '--log-level', 'warn'], text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'})
-    assert end_of(process) == (0, '')
+    assert end_of(started(script, *QUIET)) == (0, '')
 
 
 @pytest.mark.timeout(120)
@@ -324,18 +319,15 @@ def test_a_plain_node_stops_at_a_signal_from_before_rclpy_looks():
               'from motion_detect_ros.bridge.runner import run_plain\n'
               'init = rclpy.init\nrclpy.init = lambda: (signal.raise_signal(signal.SIGTERM), init())\n'
               'run_plain(lambda: Node("early"))')
-    ended = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True, check=False, timeout=60,
-                           env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain())})
-    assert (ended.returncode, ended.stderr) == (0, '')
+    assert end_of(started(script)) == (0, '')
 
 
 @pytest.mark.timeout(120)
 def test_a_plain_node_s_own_error_is_told():
     script = 'from motion_detect_ros.bridge.runner import run_plain\nrun_plain(lambda: 1 / 0)'
-    ended = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True, check=False,
-                           env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain())})
-    assert ended.returncode == 1
-    assert 'ZeroDivisionError' in ended.stderr
+    code, errors = end_of(started(script))
+    assert code == 1
+    assert 'ZeroDivisionError' in errors
 
 
 #: A node that takes long to make, and gets SIGTERM while the compiler calls back, as it does for every kernel.
@@ -408,13 +400,11 @@ WHERE = {'compiler': COMPILING_NODE, 'import': IMPORTING_NODE,
 @pytest.mark.timeout(120)
 @pytest.mark.parametrize('script', WHERE.values(), ids=WHERE)
 def test_a_signal_that_finds_what_must_not_break_counts_after_it(script: str):
-    started = time.monotonic()
-    process = subprocess.Popen(
-        [sys.executable, '-c', script], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'})
+    start_s = time.monotonic()
+    process = started(script)
     await_line(process, 'compiled on')
     assert end_of(process) == (0, '')
-    assert time.monotonic() - started < 50.0, 'not only after the whole time'
+    assert time.monotonic() - start_s < 50.0, 'not only after the whole time'
 
 
 def test_a_context_that_a_signal_ends_at_the_same_moment_is_ended(monkeypatch: pytest.MonkeyPatch):
