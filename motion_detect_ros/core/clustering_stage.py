@@ -142,7 +142,8 @@ class ClusteringStage:
 
     def _can_wait(self, ego: EgoMotion) -> bool:
         """Whether the answer can do without the objects of a new flow."""
-        return self._trajectories is not None and not self._last_flow.empty and ego.dt_s <= LATER_S
+        return (self._trajectories is not None and self._config.optical_flow.every_s > 0.0
+                and not self._last_flow.empty and ego.dt_s <= LATER_S)
 
     def _note(self) -> None:
         art2 = self._detector.art2

@@ -183,5 +183,6 @@ def warm_up(config: PipelineConfig, detection: bool = True) -> None:
         measured = pipeline.measure(image, (index + 1) * NANOSECONDS // 25)
         if detection:
             pipeline.detect(measured)
+    pipeline.wait()
     if detection and config.background.model != 'planar':
         static_points.warm_up()

@@ -143,7 +143,8 @@ def refine_pose(q: DoubleArray, p: DoubleArray, start: PoseEstimate, focal_px: f
         if np.abs(step).max() < SMALL_RAD:
             break
         pose = pose.stepped(step, tilts)
-    _linearise(q, p, *pose, _tilts(pose.direction), distance, slope)
+    else:
+        _linearise(q, p, *pose, _tilts(pose.direction), distance, slope)
     share = np.count_nonzero(np.abs(distance) * focal_px < INLIER_PX) / len(q)
     motion = PoseEstimate(*pose, share)
     if median(epipolar_lines(q, motion).position(p)) < 0.0:

@@ -68,7 +68,7 @@ class TrajectoryFinder:
         self._start_anew()
 
     def wait(self) -> None:
-        """Until what is done behind the last frame is done: for measuring what frames cost."""
+        """Until what is done behind the last frame is done; ``candidates`` does so itself."""
         self._behind.wait()
 
     def _start_anew(self) -> None:

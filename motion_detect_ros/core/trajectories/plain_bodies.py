@@ -127,13 +127,12 @@ def joined_parts(
 ) -> list[Numbers]:
     """The parts, joined where two that moved as one body touch a plain region that does not reach beyond them.
 
-    parts: indices of points each; places: (N, 2) of all points, still: (m, 2) of those that stand, pixels;
-    displacements: (N, 2) each, over baselines, longest first, NaN where unknown; half: (h, w) the image at half its
-    size; largest_px: longest side of what is joined, pixels.
+    parts: indices of ``MIN_PART`` points and more each; places: (N, 2) of all points, still: (m, 2) of those that
+    stand, pixels; displacements: (N, 2) each, over baselines, longest first, NaN where unknown; half: (h, w) the image
+    at half its size; largest_px: longest side of what is joined, pixels.
     """
-    parts = [part for part in parts if len(part) >= MIN_PART]
     if len(parts) < 2:
-        return parts
+        return [*parts]
     owner = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     moving, regions = places[np.concatenate(parts)], PlainRegions(half, largest_px)
     links = _neighbours(regions, owner, moving, largest_px)
