@@ -13,7 +13,7 @@ import os
 import selectors
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import lru_cache
@@ -47,6 +47,11 @@ class Signature:
     seconds: float
     kinds: tuple[str, ...]
 
+    @classmethod
+    def of(cls, row: Mapping[str, Any]) -> Signature:
+        """From what ``asdict`` of it is in JSON. Raises: KeyError where something is missing."""
+        return cls(row['kernel'], tuple(row['arguments']), row['seconds'], tuple(row['kinds']))
+
     def dispatcher(self) -> Any:
         """The function to compile. Raises: ImportError, AttributeError for what is not there."""
         module, name = self.kernel.split(':')
@@ -62,7 +67,7 @@ class Signature:
 def signatures() -> tuple[Signature, ...]:
     """All of ``kernels.json``."""
     rows = json.loads(resources.files('motion_detect_ros').joinpath(TABLE).read_text(encoding='utf-8'))
-    return tuple(Signature(row['kernel'], tuple(row['arguments']), row['seconds'], tuple(row['kinds'])) for row in rows)
+    return tuple(Signature.of(row) for row in rows)
 
 
 def kind_of(config: PipelineConfig, detects: bool) -> str:
@@ -152,7 +157,7 @@ def main() -> None:
     gc.disable()  # a tenth of the time; the process ends soon
     for row in json.loads(sys.stdin.read()):
         with suppress(Exception):  # a table of another version
-            Signature(row['kernel'], tuple(row['arguments']), row['seconds'], tuple(row['kinds'])).compile()
+            Signature.of(row).compile()
         print(row['kernel'], flush=True)
 
 

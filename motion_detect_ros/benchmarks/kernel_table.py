@@ -50,8 +50,7 @@ def recorded(kind: str) -> list[Signature]:
     with tempfile.TemporaryDirectory() as cache:
         words = [sys.executable, '-m', 'motion_detect_ros.benchmarks.kernel_table', '--kind', kind]
         done = subprocess.run(words, env={**os.environ, 'NUMBA_CACHE_DIR': cache}, check=True, capture_output=True)
-    return [Signature(row['kernel'], tuple(row['arguments']), row['seconds'], tuple(row['kinds']))
-            for row in json.loads(done.stdout)]
+    return [Signature.of(row) for row in json.loads(done.stdout)]
 
 
 def table() -> list[Signature]:

@@ -115,7 +115,7 @@ def run(make_node: Callable[[], ManagedNode]) -> int:
         traceback.print_exc()
     finally:
         stop.armed = False
-        _finish(stop.node, code)
+        code = _finish(stop.node, code)
     return code
 
 
@@ -151,8 +151,7 @@ def main_of(make_node: Callable[[], ManagedNode]) -> Callable[[], None]:
         code = run(make_node)
         exits_in(LEAVING_TIMEOUT_S, code)  # threads of Fast DDS that are joined at the end may wait for themselves
         if any(thread.daemon for thread in threading.enumerate()):  # it would abort an interpreter that is going
-            sys.stdout.flush()
-            sys.stderr.flush()
+            _flush()
             os._exit(code)
         sys.exit(code)
     return main
@@ -216,22 +215,32 @@ def _complain(error: Exception) -> int:
     return WRONG_USE
 
 
-def _finish(node: ManagedNode | None, code: int) -> None:
+def _finish(node: ManagedNode | None, code: int) -> int:
+    """End and leave; returns ``code``, or FAILED after an error in the end, which is printed."""
     try:
         with exits_after(ENDING_TIMEOUT_S, FORCED):
-            if node is not None:
-                node.close()
+            try:
+                if node is not None:
+                    node.close()
+            except Exception:
+                traceback.print_exc()
+                code = FAILED
         _leave(node, code)
     finally:
         for number in (signal.SIGINT, signal.SIGTERM):  # nothing is left to interrupt but Python's own end
             signal.signal(number, signal.SIG_IGN)
+    return code
+
+
+def _flush() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(AttributeError, OSError, ValueError):  # there may be none, or nobody who reads
+            stream.flush()
 
 
 def _leave(node: Node | None, code: int) -> None:
     """Take the node off the network; ends the process with ``code`` where that takes LEAVING_TIMEOUT_S."""
-    for stream in (sys.stdout, sys.stderr):
-        with suppress(AttributeError, OSError, ValueError):  # there may be none, or nobody who reads
-            stream.flush()
+    _flush()
     with exits_after(LEAVING_TIMEOUT_S, code):
         if node is not None:
             node.destroy_node()

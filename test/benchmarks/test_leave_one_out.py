@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_kernels import kernels
 
 from motion_detect_ros.benchmarks import leave_one_out
 from motion_detect_ros.benchmarks.accuracy_clips import read_clips
@@ -103,11 +104,11 @@ def test_the_command_writes_its_section(
 
 def test_no_kernel_keeps_a_threshold_as_it_was_when_it_was_compiled() -> None:
     """A kernel takes the constants of its module for good."""
+    checked = 0
     for place in (place for each in THRESHOLDS for place in each.places if ':' in place):
         module, _, name = place.partition(':')
         path = Path(leave_one_out.__file__).parents[1] / 'core' / (module.replace('.', '/') + '.py')
-        functions = (each for each in ast.walk(ast.parse(path.read_text(encoding='utf-8')))
-                     if isinstance(each, ast.FunctionDef))
-        for function in functions:
-            if any('kernel' in ast.unparse(each) for each in function.decorator_list):
-                assert name not in {each.id for each in ast.walk(function) if isinstance(each, ast.Name)}, function.name
+        for function in kernels(path.read_text(encoding='utf-8')):
+            checked += 1
+            assert name not in {each.id for each in ast.walk(function) if isinstance(each, ast.Name)}, function.name
+    assert checked

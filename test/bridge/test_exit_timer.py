@@ -11,6 +11,7 @@ SLEEPS = {'given away': 'time.sleep(60)', 'kept': 'ctypes.PyDLL(None).sleep(60)'
 SCRIPT = '''
 import ctypes, time
 from motion_detect_ros.bridge.exit_timer import exits_after
+print(time.monotonic(), flush=True)
 with exits_after({seconds}, {code}):
     {block}
 print('on', flush=True)
@@ -19,11 +20,12 @@ time.sleep(1.0)
 
 
 def ended(seconds: float, code: int, block: str) -> tuple[int, str, float]:
-    start = time.monotonic()
+    """Exit code, what is printed after the block, seconds since the block began."""
     process = subprocess.run([sys.executable, '-c', SCRIPT.format(seconds=seconds, code=code, block=block)],
                              capture_output=True, text=True, check=False, timeout=120)
     assert process.stderr == ''
-    return process.returncode, process.stdout, time.monotonic() - start
+    began, printed = process.stdout.split('\n', 1)
+    return process.returncode, printed, time.monotonic() - float(began)
 
 
 @pytest.mark.parametrize('sleep', SLEEPS)

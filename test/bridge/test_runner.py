@@ -100,7 +100,8 @@ def busy_node(stays_s: float = 0.3, hangs_s: float = 0.0, timeout_s: float = 30.
 
 
 def await_line(process: subprocess.Popen[str], line: str) -> None:
-    assert next((each for each in process.stdout if each == f'{line}\n'), None), process.stderr.read()
+    if not next((each for each in process.stdout if each == f'{line}\n'), None):
+        pytest.fail(f'no line {line}: {end_of(process)}')
 
 
 def end_of(process: subprocess.Popen[str]) -> tuple[int, str]:
@@ -292,6 +293,7 @@ class Leaving(Node):
         self.create_timer(0.1, rclpy.try_shutdown)
 
 run_plain(Leaving)
+print('after', flush=True)
 """,
     'managed': """
 from motion_detect_ros.bridge.managed_node import ManagedNode
@@ -309,8 +311,35 @@ main_of(lambda: Leaving('leaving'))()
 @pytest.mark.parametrize('kind', ENDING_NODES)
 @pytest.mark.parametrize('end', HANGING_ENDS)
 def test_a_process_ends_where_its_own_end_hangs(kind, end):
-    script = f'import atexit, ctypes, rclpy\n{HANGING_ENDS[end]}\n{ENDING_NODES[kind]}\nprint("after", flush=True)'
-    assert end_of(started(script, *QUIET)) == (0, '')
+    process = started(f'import atexit, ctypes, rclpy\n{HANGING_ENDS[end]}\n{ENDING_NODES[kind]}', *QUIET)
+    if kind == 'plain':
+        await_line(process, 'after')
+    assert end_of(process) == (0, '')
+
+
+#: A node that cannot end, in a process whose own end hangs.
+FAILING_NODE = f"""
+import ctypes, rclpy
+from motion_detect_ros.bridge.managed_node import ManagedNode
+from motion_detect_ros.bridge.runner import main_of
+{HANGING_ENDS['of C']}
+
+class Failing(ManagedNode):
+    def begin(self):
+        self.create_timer(0.1, rclpy.try_shutdown)
+
+    def end(self):
+        raise ValueError('no end')
+
+main_of(lambda: Failing('failing'))()
+"""
+
+
+@pytest.mark.timeout(120)
+def test_an_error_while_a_node_ends_is_told_and_the_process_ends_all_the_same():
+    code, errors = end_of(started(FAILING_NODE, *QUIET))
+    assert code == 1
+    assert errors.count('ValueError: no end') == 1
 
 
 @pytest.mark.timeout(120)
@@ -424,7 +453,7 @@ def test_a_context_that_a_signal_ends_at_the_same_moment_is_ended(monkeypatch: p
 @pytest.mark.timeout(120)
 def test_wrong_words_for_a_plain_node_are_told():
     script = 'from motion_detect_ros.bridge.runner import run_plain\nrun_plain(lambda: print("made"))'
-    ended = subprocess.run([sys.executable, '-c', script, '--ros-args', '-p', 'nonsense'], capture_output=True,
-                           text=True, check=False, env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain())})
-    assert (ended.returncode, ended.stdout) == (1, '')
-    assert 'nonsense' in ended.stderr
+    with started(script, '--ros-args', '-p', 'nonsense') as process:
+        printed, errors = process.communicate(timeout=60.0)
+    assert (process.returncode, printed) == (1, '')
+    assert 'nonsense' in errors
