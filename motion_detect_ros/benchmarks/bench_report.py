@@ -56,7 +56,8 @@ events a second here (Intel Xeon, virtual machine), published 2737 for a Raspber
 about as long as this. It counts prime numbers by
 division and neither reads memory nor uses vector instructions, which is most of what a detector does, so it flatters
 small cores. Of further cores a second one helps most: with two threads the preset `visdrone`
-answers in half the time that one takes (section Real clips). No other computer has been measured.''',
+answers in a little over a third of the time that one takes (section Real clips). No other computer has been
+measured.''',
     'curves': '''What a frame costs as its content grows. `x^b`: least squares of log time on log x. Objects: cars of
 43 pixels on 1600x900, found: those of the first ten frames. Neurons: ART2 alone on 30000 vectors. Cells: `grid_px` 16
 to 2 on the built-in flight. Processor: all threads together, which other load hardly changes.''',
