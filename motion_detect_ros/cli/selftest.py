@@ -80,7 +80,7 @@ def _camera(
 def _shared_memory() -> Check:
     free = shutil.disk_usage(SHARED_MEMORY).free if SHARED_MEMORY.is_dir() else 0
     return Check('shared memory', free >= MIN_SHARED_MEMORY, f'{free >> 20} MB free in {SHARED_MEMORY}',
-                 f'{MIN_SHARED_MEMORY >> 20} MB are wanted: docker run --shm-size=1g, or end what holds it')
+                 f'{MIN_SHARED_MEMORY >> 20} MB are wanted: docker run --shm-size=512m, or end what holds it')
 
 
 def _clock() -> Check:
