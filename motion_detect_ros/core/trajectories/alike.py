@@ -49,11 +49,11 @@ def moved_as_one_body(
     """(n,) mask of pairs (n, 2) of parts at centres (N, 2): as ``moved_alike``, or as parts of what turns.
 
     Across the line between two parts of a turning body their ways differ by the angle times the distance, along it they
-    do not. It turns as its course does, that of both together. seconds: of the displacements' baselines.
+    do not. It turns as its course does, that of both together. seconds: (baselines,) of the displacements.
     """
     alike = np.zeros(len(pairs), np.bool_)
     if len(displacements):
-        periods = np.array(seconds[:len(displacements)])
+        periods = np.array(seconds)
         halves = np.abs(periods[:, None] / 2.0 - periods).argmin(axis=1)
         _compare_parts(np.array(displacements), halves, centres, np.ascontiguousarray(pairs), ALIKE_PX, alike)
     return alike

@@ -110,7 +110,7 @@ def find_clusters(points: Points, motion: PointMotion, old: BoolArray, frames: R
     links = links[_covered(places, links, frames)]
     groups = [moving[group] for group in linked_groups(len(moving), links, MIN_PART)]
     largest_px = MAX_SIDE_SHARE * width
-    bodies = joined_parts(groups, points.now, still, motion.displacements, frames[0].half, largest_px)
+    bodies = joined_parts(groups, points.now, still, motion, frames[0].half, largest_px)
     found = _clusters([body for body in bodies if len(body) >= MIN_POINTS], points, motion)
     return [each for each in found if each.side_px <= largest_px or (
         each.side_px <= MAX_DENSE_SIDE_SHARE * width and _dense(np.searchsorted(moving, each.members), places, links))]

@@ -38,7 +38,7 @@ class PointMotion:
     ``evidence``: (N,) the largest significance over any baseline, steady or not, 0 where no way was long enough;
     ``least_speed``: (N,) from which motion would be significant, pixels/s, infinite for points too young for any;
     ``displacements``: (N, 2) each, pixels against the background over each baseline, longest first, NaN for points
-    younger than that.
+    younger than that; ``seconds``: of each of them.
     """
 
     velocity: DoubleArray
@@ -47,6 +47,7 @@ class PointMotion:
     evidence: DoubleArray
     least_speed: DoubleArray
     displacements: tuple[DoubleArray, ...] = ()
+    seconds: tuple[float, ...] = ()
 
     @classmethod
     def at_rest(cls, count: int) -> PointMotion:
@@ -67,9 +68,10 @@ def object_motion(points: Points, frames: RecentFrames, camera: CameraModel) -> 
     found = Displacements.of(len(baselines), len(points))
     for index, (baseline, parts) in enumerate(zip(baselines, _relief(baselines), strict=True)):
         baseline.measure(camera, parts, found, index)
-    motion = replace(PointMotion.at_rest(len(points)), displacements=tuple(found.motion))
+    motion = replace(PointMotion.at_rest(len(points)), displacements=tuple(found.motion),
+                     seconds=tuple(each.seconds for each in baselines))
     frames_ago = np.array([each.frames for each in baselines], np.intp)
-    seconds = np.array([each.seconds for each in baselines], np.float64)
+    seconds = np.array(motion.seconds, np.float64)
     _judge(found.motion, found.background, found.noise, found.sigmas, frames_ago, seconds, _halves(frames_ago),
            MOVING_SIGMAS, motion.velocity, motion.sigmas, motion.background, motion.evidence, motion.least_speed)
     return motion

@@ -16,7 +16,7 @@ from motion_detect_ros.core.geometry.order_statistics import grouped_medians
 from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.trajectories.alike import moved_as_one_body
 from motion_detect_ros.core.trajectories.linked_groups import linked_groups
-from motion_detect_ros.core.trajectories.object_motion import BASELINES_S
+from motion_detect_ros.core.trajectories.object_motion import PointMotion
 from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
 
 #: Plain: the grey values of 3 x 3 pixels of the halved image differ by less than this.
@@ -122,14 +122,13 @@ def _touching(labels, region, places, low, high):  # type: ignore[no-untyped-def
 
 
 def joined_parts(
-    parts: Sequence[Numbers], places: FloatArray, still: FloatArray, displacements: Sequence[DoubleArray],
-    half: ByteArray, largest_px: float,
+    parts: Sequence[Numbers], places: FloatArray, still: FloatArray, motion: PointMotion, half: ByteArray,
+    largest_px: float,
 ) -> list[Numbers]:
     """The parts, joined where two that moved as one body touch a plain region that does not reach beyond them.
 
     parts: indices of ``MIN_PART`` points and more each; places: (N, 2) of all points, still: (m, 2) of those that
-    stand, pixels; displacements: (N, 2) each, over baselines, longest first, NaN where unknown; half: (h, w) the image
-    at half its size; largest_px: longest side of what is joined, pixels.
+    stand, pixels; half: (h, w) the image at half its size; largest_px: longest side of what is joined, pixels.
     """
     if len(parts) < 2:
         return [*parts]
@@ -138,8 +137,8 @@ def joined_parts(
     links = _neighbours(regions, owner, moving, largest_px)
     used = np.unique(links[:, 1:])
     centres = np.stack([np.bincount(owner, weights=along) for along in moving.T], axis=1) / np.bincount(owner)[:, None]
-    typical = _typical(displacements, parts, used)
-    links = links[moved_as_one_body(typical, BASELINES_S, centres, links[:, 1:])]
+    typical = _typical(motion.displacements, parts, used)
+    links = links[moved_as_one_body(typical, motion.seconds, centres, links[:, 1:])]
     painted = [number for number in np.unique(links[:, 0]).tolist()
                if regions.touching(number, still) > STILL_SHARE * regions.touching(number, moving)]
     links = links[~np.isin(links[:, 0], painted), 1:]

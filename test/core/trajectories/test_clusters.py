@@ -92,7 +92,7 @@ def clusters_of(cars: list[Car], still: np.ndarray | None = None, history: int =
                     np.arange(len(places)))
     own = np.stack([speed, np.zeros_like(speed)], axis=1)
     motion = replace(PointMotion.at_rest(len(places)), velocity=20.0 * own, sigmas=np.where(speed != 0.0, 20.0, 0.0),
-                     displacements=(history * own, history / 2.0 * own))
+                     displacements=(history * own, history / 2.0 * own), seconds=(history / 20.0, history / 40.0))
     found = find_clusters(points, motion, np.ones(len(places), bool), frames)
     return sorted((round(each.low[0]), round(each.high[0])) for each in found)
 

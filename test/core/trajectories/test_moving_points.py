@@ -147,6 +147,17 @@ def test_young_points_have_no_displacement_and_do_not_move() -> None:
     assert np.isinf(found.least_speed[young]).all()
 
 
+@pytest.mark.parametrize(('pictures', 'seconds'), [(26, [1.0, 0.48, 0.32, 0.2, 0.12]), (13, [0.48, 0.32, 0.2, 0.12])])
+def test_ways_are_over_the_seconds_that_the_pictures_reach_back(pictures: int, seconds: list[float]) -> None:
+    """50 and 25 px in a second."""
+    speed = np.zeros((900, 2))
+    speed[100:110] = 2.0, 1.0
+    found = object_motion.object_motion(wandering(speed), recent(np.eye(3), pictures), CAMERA)
+    assert found.seconds == pytest.approx(seconds)
+    for way, over in zip(found.displacements, seconds, strict=True):
+        np.testing.assert_allclose(way[[100, 103, 106]], 3 * [[50.0 * over, 25.0 * over]], atol=0.3)
+
+
 def test_nothing_moves_where_all_points_stand_exactly_still() -> None:
     """As in pictures without noise: there are no lines to an epipole."""
     points = wandering(np.zeros((900, 2)))
