@@ -8,6 +8,8 @@ image centre and in pixels (``motion_models``), so one process noise fits all si
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from motion_detect_ros.core.config import EgoMotionConfig
@@ -18,9 +20,12 @@ GATE_CHI2_6 = 22.46
 #: After this many rejected measurements in a row the filter restarts: the motion has changed.
 MAX_REJECTED = 3
 
+#: Expected parameters (6,), pixels, and their largest deviation -> whether the image shows the measured ones instead.
+Shown = Callable[[DoubleArray, float], bool]
+
 
 class ParameterKalman:
-    """Smooths a0..a5 over time and rejects estimates outside of the gate."""
+    """Smooths a0..a5 over time; outside of the gate it restarts or rejects, as the image says."""
 
     def __init__(self, config: EgoMotionConfig) -> None:
         self._config = config
@@ -34,16 +39,16 @@ class ParameterKalman:
         self._rejected = 0
 
     def update(
-        self, params: DoubleArray, covariance: DoubleArray, stamp_ns: int, dt_s: float,
+        self, params: DoubleArray, covariance: DoubleArray, stamp_ns: int, dt_s: float, shown: Shown,
     ) -> tuple[DoubleArray, DoubleArray, bool]:
-        """Filtered parameters, their covariance, and whether the measurement passed the gate.
+        """Filtered parameters, their covariance, and whether the measurement was accepted.
 
-        params: (6,), covariance: (6, 6) about the image centre, pixels over ``dt_s``.
+        params: (6,), covariance: (6, 6) about the image centre, pixels over ``dt_s``; shown: asked outside of the gate.
         """
-        accepted = self._step(params / dt_s, covariance / dt_s ** 2, stamp_ns)
+        accepted = self._step(params / dt_s, covariance / dt_s ** 2, stamp_ns, dt_s, shown)
         return self._state[:6] * dt_s, self._covariance[:6, :6] * dt_s ** 2, accepted
 
-    def _step(self, measured: DoubleArray, noise: DoubleArray, stamp_ns: int) -> bool:
+    def _step(self, measured: DoubleArray, noise: DoubleArray, stamp_ns: int, dt_s: float, shown: Shown) -> bool:
         if self._stamp_ns is None:
             self._start(measured, noise, stamp_ns)
             return True
@@ -52,7 +57,8 @@ class ParameterKalman:
         spread = covariance[:6, :6] + noise
         if innovation @ np.linalg.solve(spread, innovation) > GATE_CHI2_6:
             self._rejected += 1
-            if self._rejected < MAX_REJECTED:
+            deviation = float(np.sqrt(np.diag(covariance)[:6].max()))
+            if self._rejected < MAX_REJECTED and not shown(state[:6] * dt_s, deviation * dt_s):
                 return False
             self._start(measured, noise, stamp_ns)
             return True

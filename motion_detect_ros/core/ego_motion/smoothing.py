@@ -7,7 +7,7 @@ from typing import Protocol
 
 from motion_detect_ros.core.config import EgoMotionConfig
 from motion_detect_ros.core.ego_motion.alternatives.autoregressive import ParameterAutoregression
-from motion_detect_ros.core.ego_motion.kalman import ParameterKalman
+from motion_detect_ros.core.ego_motion.kalman import ParameterKalman, Shown
 from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.core.types import DoubleArray
 
@@ -19,11 +19,12 @@ class Smoother(Protocol):
         """Clear the state; the next measurement initialises it."""
 
     def update(
-        self, params: DoubleArray, covariance: DoubleArray, stamp_ns: int, dt_s: float,
+        self, params: DoubleArray, covariance: DoubleArray, stamp_ns: int, dt_s: float, shown: Shown,
     ) -> tuple[DoubleArray, DoubleArray, bool]:
-        """Filtered parameters, their covariance, and whether the measurement passed the gate.
+        """Filtered parameters, their covariance, and whether the measurement was accepted.
 
-        params: (6,), covariance: (6, 6) about the image centre, pixels over ``dt_s`` (``motion_models``).
+        params: (6,), covariance: (6, 6) about the image centre, pixels over ``dt_s`` (``motion_models``); shown: asked
+        where the measurement is far from what earlier ones foretell.
         """
         ...
 
@@ -35,7 +36,7 @@ class Unsmoothed:
         """Stateless."""
 
     def update(
-        self, params: DoubleArray, covariance: DoubleArray, _stamp_ns: int, _dt_s: float,
+        self, params: DoubleArray, covariance: DoubleArray, _stamp_ns: int, _dt_s: float, _shown: Shown,
     ) -> tuple[DoubleArray, DoubleArray, bool]:
         """The measurement unchanged."""
         return params, covariance, True

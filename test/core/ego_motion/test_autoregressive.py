@@ -15,6 +15,11 @@ AMPLITUDES = np.array([6.0, 2.0, 0.0, 4.0, 0.0, 1.0])
 ELLIPSE_50, ELLIPSE_95 = 5.348, 12.592  # chi-square, six degrees of freedom
 
 
+def never(_expected: np.ndarray, _deviation_px: float) -> bool:
+    """The image never shows what is far from what was expected."""
+    return False
+
+
 def shaking(frames: int, period_frames: float = 7.3) -> np.ndarray:
     """(frames, 6) pixels a frame: a drift, and a sine of its own phase for each parameter."""
     time, phase = np.arange(frames)[:, None], np.arange(6)[None]
@@ -26,7 +31,7 @@ def noisy(path: np.ndarray, seed: int = 0) -> np.ndarray:
 
 
 def run(smoother, measured: np.ndarray, dt_s: float = DT_S) -> tuple[np.ndarray, list[np.ndarray], list[bool]]:
-    out = [smoother.update(values, np.eye(6) * SIGMA ** 2, (index + 1) * PERIOD_NS, dt_s)
+    out = [smoother.update(values, np.eye(6) * SIGMA ** 2, (index + 1) * PERIOD_NS, dt_s, never)
            for index, values in enumerate(measured)]
     return np.array([o[0] for o in out]), [o[1] for o in out], [o[2] for o in out]
 
@@ -38,7 +43,7 @@ def test_a_shaking_camera_is_predicted_better_than_by_its_last_motion():
     for index, values in enumerate(measured):
         forecast = smoother.forecast(DT_S)
         errors.append(np.full(6, np.nan) if forecast is None else forecast - path[index])
-        smoother.update(values, np.eye(6) * SIGMA ** 2, (index + 1) * PERIOD_NS, DT_S)
+        smoother.update(values, np.eye(6) * SIGMA ** 2, (index + 1) * PERIOD_NS, DT_S, never)
     last_value = measured[49:-1] - path[50:]
     moving = AMPLITUDES > 0
     by_rule = np.sqrt(np.mean(np.square(errors[50:]), axis=0))[moving]
@@ -114,5 +119,5 @@ def test_order_is_how_many_measurements_come_first(order):
     smoother = make_smoother(EgoMotionConfig(smoothing='autoregressive', ar_order=order))
     for index, values in enumerate(noisy(shaking(order))):
         assert smoother.forecast(DT_S) is None
-        smoother.update(values, np.eye(6) * SIGMA ** 2, (index + 1) * PERIOD_NS, DT_S)
+        smoother.update(values, np.eye(6) * SIGMA ** 2, (index + 1) * PERIOD_NS, DT_S, never)
     assert smoother.forecast(DT_S).shape == (6,)

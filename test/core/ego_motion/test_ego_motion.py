@@ -20,7 +20,7 @@ from warps import (
 from motion_detect_ros.core.config import EgoMotionConfig, PipelineConfig
 from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
-from motion_detect_ros.core.types import EgoStatus
+from motion_detect_ros.core.types import EgoMotion, EgoStatus
 
 
 @pytest.mark.parametrize('kind', DRAWS)
@@ -89,6 +89,38 @@ def test_smoothing_off_gives_the_raw_fit():
     config = PipelineConfig(ego_motion=EgoMotionConfig(smoothing='none'))
     ego = estimate(view(world(6), np.eye(3)), view(world(6), matrix), config)
     assert corner_error(ego.matrix, matrix) < 0.1
+
+
+def of_each(pictures: list[np.ndarray], **settings: str) -> list[EgoMotion]:
+    config = PipelineConfig(ego_motion=EgoMotionConfig(**settings))
+    stage, prepare = EgoMotionStage(config), Preprocessor(config.preprocessing)
+    return [stage.process(prepare.process(each, (index + 1) * PERIOD_NS)) for index, each in enumerate(pictures)]
+
+
+@pytest.mark.parametrize(('method', 'smoothing'), [
+    ('indirect', 'kalman'), ('indirect', 'autoregressive'), ('flow', 'kalman'), ('direct', 'kalman')])
+def test_a_camera_in_gusts_is_followed_in_every_frame(method: str, smoothing: str):
+    """Jerked by 6 px and half a degree in any direction, from frame to frame: no smooth motion foretells it."""
+    random, texture = np.random.default_rng(2), world(7)
+    poses = [np.eye(3)] * 5 + [about_centre(random.normal(0.0, 0.5), 1.0, *random.normal(0.0, 6.0, 2))
+                               for _ in range(25)]
+    found = of_each([view(texture, pose) for pose in poses], method=method, smoothing=smoothing)
+    assert {each.status for each in found[1:]} == {EgoStatus.OK}
+    errors = [corner_error(each.matrix, after @ np.linalg.inv(before))
+              for each, before, after in zip(found[1:], poses, poses[1:], strict=False)]
+    assert np.max(errors[5:]) < 1.0
+
+
+@pytest.mark.parametrize('smoothing', ['kalman', 'autoregressive'])
+def test_what_covers_most_of_the_picture_for_a_moment_is_not_the_ground(smoothing: str):
+    """Something jumps by 60 px in front of two thirds of a ground that passes steadily."""
+    texture, other = world(8), world(9, HEIGHT, WIDTH)
+    pictures = [view(texture, about_centre(0.0, 1.0, 3.0 * index, 0.0)) for index in range(14)]
+    for index, shift in ((11, 0), (12, 60)):
+        pictures[index][:, 60 + shift:480 + shift] = other[:, :420]
+    found = of_each(pictures, smoothing=smoothing)
+    assert {each.status for each in found[1:11]} == {EgoStatus.OK}
+    assert found[12].status == EgoStatus.OUTLIER_GATED
 
 
 @pytest.mark.parametrize('angle_deg', [5.0, 10.0, 20.0])

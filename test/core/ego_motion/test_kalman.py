@@ -11,6 +11,11 @@ from motion_detect_ros.core.ego_motion.kalman import ParameterKalman
 DT_S, PERIOD_NS = 0.04, 40_000_000
 
 
+def never(_expected: np.ndarray, _deviation_px: float) -> bool:
+    """The image never shows what is far from what was expected."""
+    return False
+
+
 def test_agrees_with_a_filter_written_out_for_one_parameter():
     spread = 50.0
     smoother = ParameterKalman(EgoMotionConfig(process_noise_px_per_s2=spread))
@@ -29,7 +34,7 @@ def test_agrees_with_a_filter_written_out_for_one_parameter():
     got = []
     for index, value in enumerate(measured):
         centred = np.array([value, 0, 0, 0, 0, 0])
-        params, _, accepted = smoother.update(centred, np.eye(6) * noise, (index + 1) * PERIOD_NS, DT_S)
+        params, _, accepted = smoother.update(centred, np.eye(6) * noise, (index + 1) * PERIOD_NS, DT_S, never)
         assert accepted
         got.append(params[0])
     np.testing.assert_allclose(got, expected, rtol=1e-9)
@@ -40,7 +45,7 @@ def filtered(values: list[float], sigma: float, spread: float) -> tuple[np.ndarr
     out, accepted, variances = [], [], []
     for index, value in enumerate(values):
         params, covariance, ok = smoother.update(
-            np.array([value, 0, 0, 0, 0, 0]), np.eye(6) * sigma ** 2, (index + 1) * PERIOD_NS, DT_S)
+            np.array([value, 0, 0, 0, 0, 0]), np.eye(6) * sigma ** 2, (index + 1) * PERIOD_NS, DT_S, never)
         out.append(params[0])
         accepted.append(ok)
         variances.append(covariance[0, 0])
@@ -84,7 +89,7 @@ def squared_distances(path: str, trials: int = 500, frames: int = 15, spread: fl
         for index in range(frames):
             true = rate * DT_S
             measured = random.multivariate_normal(true, noise)
-            params, covariance, accepted = smoother.update(measured, noise, (index + 1) * PERIOD_NS, DT_S)
+            params, covariance, accepted = smoother.update(measured, noise, (index + 1) * PERIOD_NS, DT_S, never)
             step = random.normal(0, spread, 6)
             acceleration = {'wiener': acceleration + step, 'white': step, 'steady': 0 * step}[path]
             rate = rate + acceleration * DT_S

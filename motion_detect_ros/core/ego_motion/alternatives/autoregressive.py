@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from motion_detect_ros.core.config import EgoMotionConfig
-from motion_detect_ros.core.ego_motion.kalman import GATE_CHI2_6, MAX_REJECTED
+from motion_detect_ros.core.ego_motion.kalman import GATE_CHI2_6, MAX_REJECTED, Shown
 from motion_detect_ros.core.forgetting import kept
 from motion_detect_ros.core.types import DoubleArray
 
@@ -27,7 +27,7 @@ MAX_PERIOD_RATIO = 1.5
 
 
 class ParameterAutoregression:
-    """Smooths a0..a5 over time and rejects estimates outside of the gate."""
+    """Smooths a0..a5 over time; estimates outside of the gate it passes on or rejects, as the image says."""
 
     _period_s: float
 
@@ -49,11 +49,11 @@ class ParameterAutoregression:
         return forecast
 
     def update(
-        self, params: DoubleArray, covariance: DoubleArray, _stamp_ns: int, dt_s: float,
+        self, params: DoubleArray, covariance: DoubleArray, _stamp_ns: int, dt_s: float, shown: Shown,
     ) -> tuple[DoubleArray, DoubleArray, bool]:
-        """Filtered parameters, their covariance, and whether the measurement passed the gate.
+        """Filtered parameters, their covariance, and whether the measurement was accepted.
 
-        params: (6,), covariance: (6, 6) about the image centre, pixels over ``dt_s``.
+        params: (6,), covariance: (6, 6) about the image centre, pixels over ``dt_s``; shown: asked outside of the gate.
         """
         if self._period_s and not 1.0 / MAX_PERIOD_RATIO < dt_s / self._period_s < MAX_PERIOD_RATIO:
             self.reset()
@@ -64,9 +64,10 @@ class ParameterAutoregression:
             return params, covariance, True
         spread = self._forecast_covariance(covariance, dt_s)
         innovation = params - expected
-        if innovation @ np.linalg.solve(spread + covariance, innovation) > GATE_CHI2_6:
+        outside = innovation @ np.linalg.solve(spread + covariance, innovation) > GATE_CHI2_6
+        if outside and not shown(expected, float(np.sqrt(np.diag(spread).max()))):
             return self._rejected_update(params, expected, covariance, dt_s)
-        gain = spread @ np.linalg.inv(spread + covariance)
+        gain = np.eye(6) if outside else spread @ np.linalg.inv(spread + covariance)
         self._learn(innovation / dt_s, np.diag(covariance) / dt_s ** 2, dt_s)
         self._remember(params / dt_s)
         self._rejected = 0
