@@ -43,7 +43,8 @@ class Preprocessor:
         self._exposure.reset()
 
     def process(self, image: npt.NDArray[np.uint8], stamp_ns: int) -> PreparedFrame:
-        """Grey, shrunk to the working width, denoised, as bright as the last one, with the mask of what shows the scene.
+        """Grey, shrunk to the working width, denoised, as bright as the last one, with the mask of pixels that show
+        the scene.
 
         image: (H, W) grey or (H, W, 3) BGR, uint8.
         Raises: FrameError for another shape or type, a side too small to work on, or an ignored region that is not on

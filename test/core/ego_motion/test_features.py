@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from test_ego_motion import about_centre, corner_error, estimate, view, world
+from warps import about_centre, corner_error, estimate, view, world
 
 from motion_detect_ros.core.config import EgoMotionConfig, PipelineConfig
 from motion_detect_ros.core.ego_motion.features import BLOCK_PX, KINDS, AllowedPlaces, _spread, find_features

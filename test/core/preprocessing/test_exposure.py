@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import cv2
 import numpy as np
 import pytest
@@ -58,7 +60,7 @@ def test_light_that_has_changed_for_good_is_taken_over_within_seconds() -> None:
     found = followed(pictures)
     assert np.abs(found[1].astype(float) - pictures[0]).mean() < 3.0
     np.testing.assert_array_equal(found[-1], pictures[-1])
-    steps = [np.abs(later.astype(float) - earlier).mean() for earlier, later in zip(found[1:], found[2:], strict=False)]
+    steps = [np.abs(later.astype(float) - earlier).mean() for earlier, later in pairwise(found[1:])]
     assert max(steps) < 1.0, 'without a jump'
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from test_ego_motion import about_centre, corner_error, view, world
+from warps import about_centre, corner_error, view, world
 
 from motion_detect_ros.core.config import PipelineConfig, PreprocessingConfig
 from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
