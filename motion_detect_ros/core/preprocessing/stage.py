@@ -11,7 +11,7 @@ import numpy.typing as npt
 from motion_detect_ros.core.config import PreprocessingConfig
 from motion_detect_ros.core.errors import FrameError
 from motion_detect_ros.core.preprocessing.alternatives.overlay_mask import OverlayFinder
-from motion_detect_ros.core.preprocessing.exposure import ExposureFollower
+from motion_detect_ros.core.preprocessing.brightness import Brightness
 from motion_detect_ros.core.preprocessing.scene_mask import regions_mask
 from motion_detect_ros.core.regions import Region, parse_regions
 from motion_detect_ros.core.types import BoolArray, ByteArray, PreparedFrame
@@ -29,7 +29,7 @@ class Preprocessor:
         self._regions = parse_regions(config.ignore_regions)
         self._ignored: dict[tuple[int, int], BoolArray | None] = {}
         self._overlay = OverlayFinder()
-        self._exposure = ExposureFollower()
+        self._brightness = Brightness()
 
     def limit_width(self, share: float) -> None:
         """From the next frame on the working width is this share, 0 .. 1, of ``max_width_px`` at most."""
@@ -38,12 +38,12 @@ class Preprocessor:
         self._overlay.reset()
 
     def reset(self) -> None:
-        """Clear the overlays detected and the exposure followed so far."""
+        """Clear the overlays detected and the brightness followed so far."""
         self._overlay.reset()
-        self._exposure.reset()
+        self._brightness.reset()
 
     def process(self, image: npt.NDArray[np.uint8], stamp_ns: int) -> PreparedFrame:
-        """Grey, shrunk to the working width, denoised, as bright as the last one, with the mask of pixels that show
+        """Grey, shrunk to the working width, denoised, of even brightness, with the mask of pixels that show
         the scene.
 
         image: (H, W) grey or (H, W, 3) BGR, uint8.
@@ -65,7 +65,7 @@ class Preprocessor:
             gray = mean_shift(gray, self._config.mean_shift_px, self._config.mean_shift_gray)
         gray = _own_bytes(gray, image)
         mask = self._mask(gray, width, height, stamp_ns)
-        return PreparedFrame(self._exposure.step(gray, stamp_ns), scale, width, height, stamp_ns, mask)
+        return PreparedFrame(self._brightness.step(gray, stamp_ns), scale, width, height, stamp_ns, mask)
 
     def _mask(self, gray: ByteArray, width: int, height: int, stamp_ns: int) -> BoolArray | None:
         """(h, w), False in ignored regions and detected overlays; None without any."""

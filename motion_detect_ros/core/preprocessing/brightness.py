@@ -1,0 +1,104 @@
+"""Grey values as later stages expect them: of one brightness from frame to frame, of some contrast.
+
+Trackers take jumps of the exposure for motion: lamps that flicker, a camera that adapts. And what counts as a change of
+a pixel, in grey levels, is more in the pictures of a dull day, or of a night, than their things differ by.
+"""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+from motion_detect_ros.core.forgetting import kept
+from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA
+from motion_detect_ros.core.types import NANOSECONDS, ByteArray, DoubleArray, FloatArray
+
+#: Frames are compared by the means of so many cells along their width, at most.
+CELLS = 64
+#: Grey values in the range of the first two are neither black nor bright; those from the last one on stay as they are.
+DARKEST, BRIGHTEST, OVEREXPOSED = 12.0, 210.0, 250.0
+#: The exposure has jumped where the logarithms of so many cells changed by at least this in the median, and by so many
+#: standard errors of it; neighbours, of which so many count as one, err alike. Smaller changes trackers bear, and a
+#: scene that comes closer looks like them.
+MIN_CELLS, LEAST_JUMP, CERTAIN_ERRORS, ALIKE = 200, 0.08, 3.0, 8.0
+#: Standard error of a median over that of a mean, of Gaussian errors.
+MEDIAN_ERROR = math.sqrt(math.pi / 2.0)
+#: These percentiles of the grey values are at least so far apart afterwards, by a factor of this at most. On the clips
+#: that settings were made on they are 85 to 220 levels apart.
+LOW_PERCENT, HIGH_PERCENT, LEAST_RANGE, MAX_STRETCH = 5.0, 95.0, 80.0, 3.0
+#: They are taken from every so many pixels along both axes.
+STRIDE = 4
+#: Time constant with which what was taken out of the exposure comes back, for the light has changed for good, and of
+#: the percentiles, seconds.
+MEMORY_S = 2.0
+#: A longer gap than this starts anew, seconds.
+MAX_GAP_S = 1.0
+
+VALUES = np.arange(256.0)
+
+
+class Brightness:
+    """Looks grey values up in a table, which follows the exposure and the contrast of the frames."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """The exposure of the next frame is taken as it is."""
+        self._cells: FloatArray | None = None
+        self._range: DoubleArray | None = None
+        self._log_gain, self._stamp_ns = 0.0, 0
+
+    def step(self, gray: ByteArray, stamp_ns: int) -> ByteArray:
+        """The frame, (h, w), with other grey values; itself where they stay."""
+        height, width = gray.shape
+        size = (min(CELLS, width), max(1, min(height, round(CELLS * height / width))))
+        cells = cv2.resize(gray, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+        seconds = (stamp_ns - self._stamp_ns) / NANOSECONDS
+        if self._cells is None or self._cells.shape != cells.shape or not 0.0 < seconds <= MAX_GAP_S:
+            self.reset()
+        else:
+            self._log_gain *= kept(seconds, MEMORY_S)
+            self._log_gain += _jump(cells * np.float32(math.exp(self._log_gain)), self._cells)
+        self._cells, self._stamp_ns = cells * np.float32(math.exp(self._log_gain)), stamp_ns
+        table = _brightened(self._log_gain)
+        table = np.rint(_stretched(table, self._followed_range(table, gray, seconds)))
+        return np.asarray(cv2.LUT(gray, table.astype(np.uint8)), np.uint8) if (table != VALUES).any() else gray
+
+    def _followed_range(self, table: DoubleArray, gray: ByteArray, seconds: float) -> DoubleArray:
+        """(2,) percentiles of the grey values, by ``table``, over time."""
+        below = np.bincount(gray[::STRIDE, ::STRIDE].ravel(), minlength=256).cumsum()
+        now = table[np.searchsorted(below, below[-1] * np.array([LOW_PERCENT, HIGH_PERCENT]) / 100.0)]
+        if self._range is not None:
+            now += kept(seconds, MEMORY_S) * (self._range - now)
+        self._range = now
+        return now
+
+
+def _jump(now: FloatArray, before: FloatArray) -> float:
+    """Logarithm of the factor from cells ``now`` to those ``before``, 0 where the exposure did not jump."""
+    usable = (np.minimum(now, before) > DARKEST) & (np.maximum(now, before) < BRIGHTEST)
+    if np.count_nonzero(usable) < MIN_CELLS:
+        return 0.0
+    ratios = np.log(before[usable] / now[usable])
+    typical = float(np.median(ratios))
+    spread = MAD_TO_SIGMA * float(np.median(np.abs(ratios - typical)))
+    error = MEDIAN_ERROR * spread * math.sqrt(ALIKE / len(ratios))
+    return typical if abs(typical) >= max(LEAST_JUMP, CERTAIN_ERRORS * error) else 0.0
+
+
+def _brightened(log_gain: float) -> DoubleArray:
+    """(256,) grey values times a factor; what is overexposed tells nothing and stays."""
+    share = np.clip((OVEREXPOSED - VALUES) / (OVEREXPOSED - BRIGHTEST), 0.0, 1.0)
+    return np.asarray(np.clip(np.exp(share * log_gain) * VALUES, 0.0, 255.0), np.float64)
+
+
+def _stretched(values: DoubleArray, low_high: DoubleArray) -> DoubleArray:
+    """Grey values with at least ``LEAST_RANGE`` between two of them, the lower one where it was if there is room."""
+    low, high = low_high.tolist()
+    stretch = min(MAX_STRETCH, LEAST_RANGE / max(high - low, 1.0))
+    if stretch <= 1.0:
+        return values
+    return np.asarray(np.clip(min(low, 255.0 - LEAST_RANGE) + stretch * (values - low), 0.0, 255.0), np.float64)
