@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from motion_detect_ros.core.geometry.warp import apply, at_scale, stabilise
+from motion_detect_ros.core.geometry.warp import at_scale, stabilise
 from motion_detect_ros.core.types import ByteArray, DoubleArray, FloatArray, PreparedFrame
 
 #: Inliers closer to the motion than this agree too well for chance, working-resolution px: noise leaves 1.5 and more.
@@ -15,8 +15,10 @@ MIN_CORRELATION = 0.3
 #: Frames are compared at this width, as details of a scene in depth do not fit one motion; less than the light that
 #: changes over this part of it, pixels.
 WIDTH_PX, BACKGROUND_PX = 160, 31
-#: Tracks that go as was expected, share of those that go as was measured, from which what was expected is right.
-RIVAL_SHARE = 0.2
+#: Two motions are compared in cells of so many pixels of frames of this width; a cell goes with the one under which its
+#: mean error and this, grey levels, are less than half as large. What was expected is right where it has at least this
+#: share of the cells that what was measured has.
+COMPARED_WIDTH_PX, CELL_PX, CELL_NOISE_GRAY, RIVAL_SHARE = 320, 8, 2.0, 0.2
 
 
 def agrees(previous: PreparedFrame, frame: PreparedFrame, matrix: DoubleArray, residual_px: float) -> bool:
@@ -33,22 +35,24 @@ def agrees(previous: PreparedFrame, frame: PreparedFrame, matrix: DoubleArray, r
 
 
 def agrees_rather(
-    earlier: FloatArray, later: FloatArray, measured: DoubleArray, expected: DoubleArray, near_px: float,
-    nearby_px: float,
+    previous: PreparedFrame, frame: PreparedFrame, measured: DoubleArray, expected: DoubleArray,
 ) -> bool:
-    """Whether tracks go with the ``measured`` warp (3, 3) and next to none with the ``expected`` one.
+    """Whether ``frame`` looks like ``previous`` under the ``measured`` warp, next to nowhere under the ``expected`` one.
 
-    A camera that is jerked takes all of them along; what covers the ground for a moment, only those on it.
-    earlier, later: (N, 2) of the tracks; near_px: largest distance to the measured warp, nearby_px: to the other.
+    A camera that is jerked takes all of the picture along; what covers the ground for a moment, only its own part.
+    measured, expected: (3, 3), full resolution.
     """
-    with_measured = np.count_nonzero(_distance(earlier, later, measured) <= near_px)
-    with_expected = np.count_nonzero(_distance(earlier, later, expected) <= nearby_px)
-    return bool(with_expected < RIVAL_SHARE * with_measured)
-
-
-def _distance(earlier: FloatArray, later: FloatArray, matrix: DoubleArray) -> FloatArray:
-    x, y = (apply(matrix, earlier) - later).T
-    return np.asarray(np.hypot(x, y), np.float32)
+    height, width = frame.gray.shape
+    scale = min(1.0, COMPARED_WIDTH_PX / width)
+    size = (round(width * scale), max(1, round(height * scale)))
+    before, now = (cv2.resize(each.gray, size, interpolation=cv2.INTER_AREA) for each in (previous, frame))
+    cells = (max(1, size[0] // CELL_PX), max(1, size[1] // CELL_PX))
+    as_measured, as_expected = (
+        cv2.resize(cv2.absdiff(stabilise(before, at_scale(matrix, size[0] / frame.width)), now), cells,
+                   interpolation=cv2.INTER_AREA).astype(np.float32) + CELL_NOISE_GRAY
+        for matrix in (measured, expected))
+    rivals = np.count_nonzero(2.0 * as_expected < as_measured)
+    return bool(rivals < RIVAL_SHARE * np.count_nonzero(2.0 * as_measured < as_expected))
 
 
 def _correlation(first: ByteArray, second: ByteArray) -> float:

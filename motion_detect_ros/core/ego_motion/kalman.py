@@ -20,8 +20,8 @@ GATE_CHI2_6 = 22.46
 #: After this many rejected measurements in a row the filter restarts: the motion has changed.
 MAX_REJECTED = 3
 
-#: Expected parameters (6,), pixels, and their largest deviation -> whether the image shows the measured ones instead.
-Shown = Callable[[DoubleArray, float], bool]
+#: Expected parameters (6,), pixels -> whether the image shows the measured ones instead.
+Shown = Callable[[DoubleArray], bool]
 
 
 class ParameterKalman:
@@ -57,8 +57,7 @@ class ParameterKalman:
         spread = covariance[:6, :6] + noise
         if innovation @ np.linalg.solve(spread, innovation) > GATE_CHI2_6:
             self._rejected += 1
-            deviation = float(np.sqrt(np.diag(covariance)[:6].max()))
-            if self._rejected < MAX_REJECTED and not shown(state[:6] * dt_s, deviation * dt_s):
+            if self._rejected < MAX_REJECTED and not shown(state[:6] * dt_s):
                 return False
             self._start(measured, noise, stamp_ns)
             return True

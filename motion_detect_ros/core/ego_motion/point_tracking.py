@@ -14,8 +14,9 @@ from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, Floa
 SEED_STRIDE, MIN_SEEDS = 6, 20
 #: RANSAC threshold of the seed points, pixels: what the tracker corrects without a pyramid.
 AGREEMENT_PX = 3.0
-#: Fewer failed points than this, share of all, are let go: a pyramid costs as much for one point as for hundreds.
-RETRIED_SHARE = 0.05
+#: Fewer failed points than this, share of all, are let go: the others tell the motion, and a pyramid costs as much for
+#: one point as for hundreds.
+RETRIED_SHARE = 0.5
 
 
 def track_points(

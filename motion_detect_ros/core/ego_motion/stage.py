@@ -99,7 +99,7 @@ class EgoMotionStage:
             if prior is not None:
                 return prior.ego_motion(frame.stamp_ns, previous.stamp_ns, measured.tracks)
             return no_estimate(measured.status, frame.stamp_ns, previous.stamp_ns, measured.tracks)
-        return self._smoothed(measured, measured.fit, previous, frame)
+        return self._smoothed(measured.fit, previous, frame)
 
     def _continuity(self, previous: PreparedFrame | None, frame: PreparedFrame) -> EgoStatus:
         if previous is None:
@@ -115,19 +115,14 @@ class EgoMotionStage:
             return None
         return self._relative_pose.estimate(measured.earlier, measured.current, frame.width, frame.height, self.camera)
 
-    def _smoothed(
-        self, measured: EgoMotionMeasurement, fit: MotionFit, previous: PreparedFrame, frame: PreparedFrame,
-    ) -> EgoMotion:
+    def _smoothed(self, fit: MotionFit, previous: PreparedFrame, frame: PreparedFrame) -> EgoMotion:
         """The affine part filtered; the perspective part of the warp as measured."""
         dt_s, tracks = (frame.stamp_ns - previous.stamp_ns) / NANOSECONDS, len(fit.inliers)
-        centre, near_px = centre_of(frame), self._config.ransac_threshold_px
+        centre = centre_of(frame)
 
-        def shown(expected: DoubleArray, deviation_px: float) -> bool:
-            if measured.earlier is None or measured.current is None:
-                return True  # compared by grey values, and these agree
+        def shown(expected: DoubleArray) -> bool:
             foretold = theta_matrix(np.r_[expected, fit.theta[6:]], centre)
-            return agrees_rather(measured.earlier, measured.current, theta_matrix(fit.theta, centre), foretold, near_px,
-                                 near_px + deviation_px)
+            return agrees_rather(previous, frame, theta_matrix(fit.theta, centre), foretold)
 
         params, covariance, accepted = self._filter.update(
             fit.theta[:6], fit.covariance[:6, :6], frame.stamp_ns, dt_s, shown)

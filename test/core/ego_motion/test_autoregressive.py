@@ -15,7 +15,7 @@ AMPLITUDES = np.array([6.0, 2.0, 0.0, 4.0, 0.0, 1.0])
 ELLIPSE_50, ELLIPSE_95 = 5.348, 12.592  # chi-square, six degrees of freedom
 
 
-def never(_expected: np.ndarray, _deviation_px: float) -> bool:
+def never(_expected: np.ndarray) -> bool:
     """The image never shows what is far from what was expected."""
     return False
 

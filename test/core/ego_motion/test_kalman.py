@@ -11,7 +11,7 @@ from motion_detect_ros.core.ego_motion.kalman import ParameterKalman
 DT_S, PERIOD_NS = 0.04, 40_000_000
 
 
-def never(_expected: np.ndarray, _deviation_px: float) -> bool:
+def never(_expected: np.ndarray) -> bool:
     """The image never shows what is far from what was expected."""
     return False
 

@@ -65,7 +65,7 @@ class ParameterAutoregression:
         spread = self._forecast_covariance(covariance, dt_s)
         innovation = params - expected
         outside = innovation @ np.linalg.solve(spread + covariance, innovation) > GATE_CHI2_6
-        if outside and not shown(expected, float(np.sqrt(np.diag(spread).max()))):
+        if outside and not shown(expected):
             return self._rejected_update(params, expected, covariance, dt_s)
         gain = np.eye(6) if outside else spread @ np.linalg.inv(spread + covariance)
         self._learn(innovation / dt_s, np.diag(covariance) / dt_s ** 2, dt_s)
