@@ -37,10 +37,10 @@ def agrees(previous: PreparedFrame, frame: PreparedFrame, matrix: DoubleArray, r
 def agrees_rather(
     previous: PreparedFrame, frame: PreparedFrame, measured: DoubleArray, expected: DoubleArray,
 ) -> bool:
-    """Whether ``frame`` looks like ``previous`` under the ``measured`` warp, next to nowhere under the ``expected`` one.
+    """Whether ``frame`` looks like ``previous`` under ``measured``, and next to nowhere under ``expected``.
 
     A camera that is jerked takes all of the picture along; what covers the ground for a moment, only its own part.
-    measured, expected: (3, 3), full resolution.
+    measured, expected: (3, 3) warps, full resolution.
     """
     height, width = frame.gray.shape
     scale = min(1.0, COMPARED_WIDTH_PX / width)
