@@ -34,8 +34,8 @@ from motion_detect_ros.core.types import (
     empty_detections,
 )
 
-#: Tracks cannot be continued across such a frame.
-STARTS_ANEW = (EgoStatus.FIRST_FRAME, EgoStatus.TIME_JUMP, EgoStatus.SIZE_CHANGE)
+#: Tracks cannot be continued across such a frame, nor over a longer time than this without a motion, seconds.
+STARTS_ANEW, MAX_UNSEEN_S = (EgoStatus.FIRST_FRAME, EgoStatus.TIME_JUMP, EgoStatus.SIZE_CHANGE), 1.0
 
 
 class ClusteringStage:
@@ -113,10 +113,12 @@ class ClusteringStage:
         if found is not None:
             self._last_flow.replaced_late(found)
             self._note()
+        if ego.passed_over:  # as if it had never come
+            return empty_detections()
         if not self._can_wait(ego):
             flow.settle()  # as that may raise, too
         last, self._last = self._last, frame
-        if ego.status in STARTS_ANEW or (last is not None and _unlike(last, frame)):
+        if ego.status in STARTS_ANEW or (last is not None and _unlike(last, ego, frame)):
             for part in (self._scene, self._detector, self._last_flow, self._tracker):
                 part.reset()
         elif last is not None:
@@ -124,7 +126,7 @@ class ClusteringStage:
         from_flow = self._last_flow.carried(ego)
         if reference is None:
             self._from_points(frame, ego)
-            self._tracker.coast(ego.matrix if ego.ok else None, ego.dt_s, frame.width, frame.height)
+            self._tracker.coast(ego.matrix, ego.dt_s, frame.width, frame.height)
             return empty_detections()
         due = flow.pending or flow.measured or not self._config.optical_flow.every_s
         look = partial(self._found, frame, reference, flow, self._last_flow.age_s,
@@ -192,6 +194,11 @@ class ClusteringStage:
         return self.camera.resized(width, height)
 
 
-def _unlike(last: PreparedFrame, frame: PreparedFrame) -> bool:
-    """Whether the stamp or the size jumped between them; the frame whose status said so may have been dropped."""
-    return frame.stamp_ns <= last.stamp_ns or (frame.width, frame.height) != (last.width, last.height)
+def _unlike(last: PreparedFrame, ego: EgoMotion, frame: PreparedFrame) -> bool:
+    """Whether the stamp or the size jumped between them; the frame whose status said so may have been dropped.
+
+    ego: motion into ``frame``, which may start long after ``last``: no motion was seen in between.
+    """
+    unseen_s = (ego.prev_stamp_ns - last.stamp_ns) / NANOSECONDS
+    return (frame.stamp_ns <= last.stamp_ns or unseen_s > MAX_UNSEEN_S
+            or (frame.width, frame.height) != (last.width, last.height))

@@ -176,6 +176,11 @@ class EgoMotion:
         return (self.stamp_ns - self.prev_stamp_ns) / NANOSECONDS
 
     @property
+    def passed_over(self) -> bool:
+        """True where the image told no motion; that into a later frame may start from before it."""
+        return self.status in (EgoStatus.LOW_TEXTURE, EgoStatus.DEGENERATE, EgoStatus.OUTLIER_GATED)
+
+    @property
     def ok(self) -> bool:
         """True where ``matrix`` is an estimate."""
         return self.status == EgoStatus.OK

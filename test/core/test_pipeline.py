@@ -300,6 +300,17 @@ def test_objects_of_the_last_flow_are_not_carried_over_a_frame_whose_motion_is_u
     assert found[18]['id'].tolist() == found[22]['id'].tolist() == [1]
 
 
+@pytest.mark.parametrize('preset', ['default', 'visdrone', 'kitti'])
+@pytest.mark.parametrize('damaged', [[20], [20, 21]], ids=['one', 'two'])
+def test_the_mover_is_found_in_the_first_picture_after_damaged_ones(preset: str, damaged: list[int]):
+    pictures = [np.full_like(GROUND[:, :480], 128) if index in damaged else scene(index) for index in range(28)]
+    found = [result.detections for result in run(pictures, load_preset(preset))]
+    for index in [19, *range(damaged[-1] + 1, 28)]:
+        assert found[index]['id'].tolist() == found[19]['id'].tolist(), index
+        assert iou(found[index][0], index) > 0.4, index
+    assert all(len(found[index]) == 0 for index in damaged)
+
+
 def test_a_live_change_of_a_threshold_leaves_the_rhythm_of_the_flow():
     pipeline = MotionPipeline(with_settings(PipelineConfig(), {'optical_flow.every_s': 0.12}))
     measured = []

@@ -40,6 +40,7 @@ class EgoMotionStage:
         self._gyro = GyroPrior(config.imu)
         self._relative_pose = RelativePoseEstimator(config.background.focal_share)
         self._previous: PreparedFrame | None = None
+        self._passed_over: PreparedFrame | None = None
 
     def use_config(self, config: PipelineConfig) -> None:
         """Settings from the next frame on that keep history (``core.reconfiguration``). Raises: BackendError."""
@@ -48,10 +49,14 @@ class EgoMotionStage:
 
     def reset(self) -> None:
         """Clear the previous frame, the filter's state, the relative pose and the angular rates."""
-        self._previous = None
+        self._start_at(None)
+        self._gyro.reset()
+
+    def _start_at(self, frame: PreparedFrame | None) -> None:
+        """Forget all motion; the next one is that from ``frame``."""
+        self._previous, self._passed_over = frame, None
         self._filter.reset()
         self._relative_pose.reset()
-        self._gyro.reset()
 
     def wait(self) -> None:
         """Until what is done behind the last frame is done; ``process`` does so itself."""
@@ -71,13 +76,25 @@ class EgoMotionStage:
             self._method.look_ahead(self._previous)
 
     def process(self, frame: PreparedFrame) -> EgoMotion:
-        """Motion from the frame of the last call to ``frame``. Image content never raises: see ``status``."""
-        previous, self._previous = self._previous, frame
-        status = self._continuity(previous, frame)
-        if previous is None or status != EgoStatus.OK:
-            self._filter.reset()
-            self._relative_pose.reset()
+        """Motion from an earlier frame to ``frame``. Image content never raises: see ``status``.
+
+        From that of the last call, or from the last one with a motion, where those after it told none: a picture that
+        is damaged or covered for a moment costs only itself.
+        """
+        status = self._continuity(self._passed_over or self._previous, frame)
+        if status != EgoStatus.OK:
+            self._start_at(frame)
             return no_estimate(status, frame.stamp_ns, frame.stamp_ns)
+        starts = [each for each in (self._previous, self._passed_over)
+                  if each is not None and self._continuity(each, frame) == EgoStatus.OK]
+        ego = self._between(starts[0], frame)
+        if len(starts) > 1 and ego.status in (EgoStatus.LOW_TEXTURE, EgoStatus.DEGENERATE):
+            self._start_at(starts[0])
+            ego = self._between(starts[1], frame)
+        self._previous, self._passed_over = (frame, None) if ego.ok else (starts[0], frame)
+        return ego
+
+    def _between(self, previous: PreparedFrame, frame: PreparedFrame) -> EgoMotion:
         previous = at_resolution_of(previous, frame)
         prior = self._gyro.between(previous, frame, self.camera)
         measured = self._measured(previous, frame, prior)
@@ -95,7 +112,6 @@ class EgoMotionStage:
         self, measured: EgoMotionMeasurement, prior: Prior | None, previous: PreparedFrame, frame: PreparedFrame,
     ) -> EgoMotion:
         if measured.fit is None:
-            self._filter.reset()
             if prior is not None:
                 return prior.ego_motion(frame.stamp_ns, previous.stamp_ns, measured.tracks)
             return no_estimate(measured.status, frame.stamp_ns, previous.stamp_ns, measured.tracks)

@@ -40,7 +40,9 @@ class FrameHistory:
         self._frames.clear()
 
     def step(self, frame: PreparedFrame, ego: EgoMotion) -> ReferenceFrame | None:
-        """Add a frame and the motion into it; returns its reference frame, None where there is none."""
+        """Add a frame and the motion into it, unless it is passed over; returns its reference frame, None = none."""
+        if ego.passed_over:
+            return None
         self._chain.append(ego)
         link = self._chain.nearest(self._baseline_s)
         earlier = self._frames.get(link.stamp_ns) if link else None

@@ -50,6 +50,8 @@ class OpticalFlowStage:
         ego: motion into ``frame``; reference: what ``FrameHistory`` returns for it. later: computed when it is asked
         for, where the next one does not depend on it; settings must not change before.
         """
+        if ego.passed_over:
+            return FlowField(self._unknown(frame), frame.width, frame.height, frame.stamp_ns)
         if not ego.ok:
             self._every.reset()
         flow: FloatArray | Callable[[], FloatArray]

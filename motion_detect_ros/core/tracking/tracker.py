@@ -87,18 +87,13 @@ class Tracker:
         self._drop_ended(width, height)
         return self._report(width, height)
 
-    def coast(self, matrix: DoubleArray | None, dt_s: float, width: int, height: int) -> None:
+    def coast(self, matrix: DoubleArray, dt_s: float, width: int, height: int) -> None:
         """A frame in which detection was impossible: tracks are predicted, and end as if they were missed.
 
-        matrix: as in ``step``, None where the camera's motion is not known.
+        matrix: as in ``step``.
         """
-        if matrix is None:
-            self.coast_without_frame(dt_s, width)
-        else:
-            self._predict(matrix, dt_s, width, height)
+        self._predict(matrix, dt_s, width, height)
         for track in self._tracks:
-            if matrix is None:
-                track.age += 1
             track.coast_unobserved(dt_s)
             track.detected.add(dt_s, False)
         self._drop_ended(width, height)

@@ -123,6 +123,53 @@ def test_what_covers_most_of_the_picture_for_a_moment_is_not_the_ground(smoothin
     assert found[12].status == EgoStatus.OUTLIER_GATED
 
 
+DAMAGED = {
+    'grey': lambda picture: np.full_like(picture, 128),
+    'noise': lambda picture: np.random.default_rng(int(picture.sum())).integers(0, 256, picture.shape, np.uint8),
+    'another scene': lambda picture: view(world(30), np.eye(3)),
+}
+
+
+def passing(count: int, texture: np.ndarray) -> list[np.ndarray]:
+    return [view(texture, about_centre(0.2 * index, 1.0, 3.0 * index, -1.5 * index)) for index in range(count)]
+
+
+@pytest.mark.parametrize('smoothing', ['kalman', 'autoregressive', 'none'])
+@pytest.mark.parametrize('damage', DAMAGED.values(), ids=DAMAGED)
+@pytest.mark.parametrize('wrong', [[6], [6, 7], [6, 7, 8, 10]], ids=['one', 'two', 'four'])
+def test_damaged_pictures_cost_only_themselves(damage, wrong: list[int], smoothing: str):
+    """The motion into the first good one after them is that from the last good one before."""
+    pictures = passing(14, world(11))
+    for index in wrong:
+        pictures[index] = damage(pictures[index])
+    found = of_each(pictures, smoothing=smoothing)
+    if damage is DAMAGED['another scene'] and len(wrong) > 1:
+        found, wrong = found[:7], wrong[:1]  # from its second picture on it is the scene
+    last = 0
+    for index, ego in enumerate(found[1:], start=1):
+        assert ego.passed_over == (index in wrong), index
+        if index not in wrong:
+            assert ego.prev_stamp_ns == (last + 1) * PERIOD_NS
+            steps = [about_centre(0.2 * each, 1.0, 3.0 * each, -1.5 * each) for each in (last, index)]
+            assert corner_error(ego.matrix, steps[1] @ np.linalg.inv(steps[0])) < 0.3
+            last = index
+
+
+def test_after_a_cut_the_motion_is_that_of_the_new_scene_from_its_second_picture_on():
+    found = of_each(passing(5, world(11)) + passing(5, world(31)))
+    assert [each.ok for each in found] == [False, True, True, True, True, False, True, True, True, True]
+    assert [each.prev_stamp_ns // PERIOD_NS for each in found[6:]] == [6, 7, 8, 9]
+
+
+def test_blindness_for_longer_than_a_gap_starts_from_the_last_picture():
+    """1.2 s of grey at 25 Hz, then the scene again."""
+    pictures = passing(4, world(11)) + [np.full((HEIGHT, WIDTH), 90, np.uint8)] * 30 + passing(3, world(11))
+    found = of_each(pictures)
+    assert all(each.status == EgoStatus.LOW_TEXTURE for each in found[4:34])
+    assert [each.ok for each in found[34:]] == [False, True, True]
+    assert found[35].prev_stamp_ns == 35 * PERIOD_NS
+
+
 @pytest.mark.parametrize('angle_deg', [5.0, 10.0, 20.0])
 def test_inliers_are_some_of_the_tracks(angle_deg: float):
     """A turn is measured a second time on the warped picture, with more tracks than came through the first time."""

@@ -13,7 +13,6 @@ from motion_detect_ros.core.config import PipelineConfig, TracksConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.scoring import log_odds, probability
 from motion_detect_ros.core.ego_motion.stage import no_estimate
-from motion_detect_ros.core.geometry.frame_history import FrameHistory
 from motion_detect_ros.core.tracking.tracker import Tracker
 from motion_detect_ros.core.types import EgoMotion, EgoStatus, FlowField, PreparedFrame
 
@@ -155,7 +154,7 @@ def joined(before: list[Candidate], after: list[Candidate], without_ego_motion: 
         first = tracker.step(before, np.eye(3), DT_S, 640, 480)
     assert len(first) == len(before)
     for _ in range(without_ego_motion):
-        tracker.coast(None, DT_S, 640, 480)
+        tracker.coast_without_frame(DT_S, 640)
     second = {int(record['id']): int(record['cluster']) for record in tracker.step(after, np.eye(3), DT_S, 640, 480)}
     return {int(record['cluster']): second[int(record['id'])] for record in first}
 
@@ -219,11 +218,11 @@ class TestMissingEgoMotion:
     def test_the_same_object_is_found_again_where_the_camera_put_it(self):
         tracker = Tracker(CONFIG)
         before = self.steady(tracker)  # at 155
-        tracker.coast(None, DT_S, 640, 480)
+        tracker.coast_without_frame(DT_S, 640)
         # own motion two frames further, the camera jumped 26 px in the frame without ego-motion
         after = tracker.step([candidate(165 + 26, 100, (100, 0))], np.eye(3), DT_S, 640, 480)
         assert after['id'].tolist() == before['id'].tolist()
-        assert after['age'][0] == before['age'][0] + 2
+        assert after['age'][0] == before['age'][0] + 1
         assert after['u'][0] == pytest.approx(191, abs=4.0)  # the jump is believed
         assert after['vel_u'][0] == pytest.approx(100.0, abs=4.0)  # and is not taken for speed
 
@@ -252,29 +251,36 @@ class TestMissingEgoMotion:
         tracker = Tracker(CONFIG)
         self.steady(tracker)
         for _ in range(3):
-            tracker.coast(None, DT_S, 640, 480)
+            tracker.coast(np.eye(3), DT_S, 640, 480)
         assert len(tracker.step([], np.eye(3), DT_S, 640, 480)) == 0
 
 
 def test_the_stage_tells_missing_estimates_and_missing_frames_from_known_ones(monkeypatch):
+    """Frames without an estimate are as if they had never come; without frames for over a second tracks end."""
     calls = []
     monkeypatch.setattr(Tracker, 'coast', lambda self, matrix, dt_s, width, height: calls.append(
-        ('coast', None if matrix is None else matrix[0, 2], round(dt_s, 3), width, height)))
+        ('coast', matrix[0, 2], round(dt_s, 3), width, height)))
     monkeypatch.setattr(Tracker, 'coast_without_frame', lambda self, dt_s, width: calls.append(
         ('no frame', round(dt_s, 3), width)))
-    stage, gray, history = ClusteringStage(PipelineConfig()), np.zeros((48, 64), np.uint8), FrameHistory(0.04)
-    pan = np.array([[1, 0, 3.0], [0, 1, 0], [0, 0, 1]])
+    monkeypatch.setattr(Tracker, 'reset', lambda self: calls.append(('reset',)))
+    stage, gray = ClusteringStage(PipelineConfig()), np.zeros((48, 64), np.uint8)
+    calls.clear()
 
-    def frame(ego: EgoMotion):
+    def frame(status: EgoStatus, stamp_ms: int, since_ms: int):
+        pan = np.array([[1, 0, 3.0], [0, 1, 0], [0, 0, 1]])
+        estimate = EgoMotion(pan, np.eye(6), status, 10 ** 6 * stamp_ms, 10 ** 6 * since_ms)
+        ego = estimate if estimate.ok else no_estimate(status, estimate.stamp_ns, estimate.prev_stamp_ns)
         flow = FlowField(np.full((12, 16, 2), np.nan, np.float32), 64, 48, ego.stamp_ns)
-        prepared = PreparedFrame(gray, 1.0, 64, 48, ego.stamp_ns)
-        stage.process(prepared, ego, history.step(prepared, ego), flow)
-    frame(no_estimate(EgoStatus.FIRST_FRAME, 0, 0))
-    frame(no_estimate(EgoStatus.LOW_TEXTURE, 50_000_000, 0))
-    # this stage never got the frame of 100 ms
-    frame(EgoMotion(pan, np.eye(6), EgoStatus.OK, 150_000_000, 100_000_000))
-    assert calls == [('coast', None, 0.0, 64, 48), ('coast', None, 0.05, 64, 48),
-                     ('no frame', 0.05, 64), ('coast', 3.0, 0.05, 64, 48)]
+        stage.process(PreparedFrame(gray, 1.0, 64, 48, ego.stamp_ns), ego, None, flow)
+    frame(EgoStatus.FIRST_FRAME, 0, 0)
+    frame(EgoStatus.LOW_TEXTURE, 50, 0)
+    frame(EgoStatus.OK, 100, 0)
+    frame(EgoStatus.DEGENERATE, 150, 100)
+    # this stage never got the frame of 200 ms
+    frame(EgoStatus.OK, 250, 200)
+    frame(EgoStatus.OK, 1400, 1350)
+    assert calls == [('reset',), ('coast', 0.0, 0.0, 64, 48), ('coast', 3.0, 0.1, 64, 48),
+                     ('no frame', 0.1, 64), ('coast', 3.0, 0.05, 64, 48), ('reset',), ('coast', 3.0, 0.05, 64, 48)]
 
 
 #: Noise of the centre and of the velocity (shares of the side), acceleration (sides/s^2), share of the speed that the
