@@ -43,7 +43,7 @@ Effect = Callable[[FloatArray, np.random.Generator], FloatArray]
 @dataclass(frozen=True)
 class Disturbance:
     """``effect`` on the grey values; ``jerk_px``, ``jerk_deg``: deviation of the camera's place and roll from frame to
-    frame; ``scale`` of the pictures; every ``every``-th frame only.
+    frame; ``scale`` of the pictures; every ``every``-th frame only; every ``lost_every``-th is grey, and not counted.
     """
 
     name: str
@@ -52,6 +52,7 @@ class Disturbance:
     jerk_deg: float = 0.0
     scale: float = 1.0
     every: int = 1
+    lost_every: int = 0
 
     def seen(self, image: ByteArray, frame: int) -> tuple[ByteArray, DoubleArray]:
         """The disturbed picture, and (3, 3) pixel of the original -> pixel of it. image: (H, W) or (H, W, 3)."""
@@ -65,9 +66,15 @@ class Disturbance:
         if self.scale != 1.0:
             size = (round(width * self.scale), round(height * self.scale))
             image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+        if self.lost(frame):
+            image = np.full_like(image, 128)
         if self.effect is not None:
             image = np.clip(np.rint(self.effect(image.astype(np.float32), random)), 0, 255).astype(np.uint8)
         return image, matrix
+
+    def lost(self, frame: int) -> bool:
+        """Whether nothing is to be seen in a frame."""
+        return self.lost_every > 0 and frame % self.lost_every == self.lost_every - 1
 
     def _jerk(self, random: np.random.Generator, width: int, height: int) -> DoubleArray:
         zoom = 1.0 + MARGIN
@@ -106,6 +113,7 @@ DISTURBANCES = (
     Disturbance('blur of 1.5 px', lambda image, _: np.asarray(cv2.GaussianBlur(image, (0, 0), 1.5), np.float32)),
     Disturbance('two thirds of the size', scale=2.0 / 3.0),
     Disturbance('every second frame', every=2),
+    Disturbance('every 20th picture is grey', lost_every=20),
 )
 NAMES = [each.name for each in DISTURBANCES]
 
@@ -145,7 +153,7 @@ def run_disturbed(job: DisturbedJob) -> tuple[Score, ...]:
         image, matrix = disturbance.seen(frame.image, frame.index)
         found = pipeline.process(image, frame.stamp_ns).detections
         detections[frame.index // disturbance.every] = undone(found, matrix)
-    truth = truth[truth['frame'] % disturbance.every == 0]
+    truth = truth[(truth['frame'] % disturbance.every == 0) & ~np.array([*map(disturbance.lost, truth['frame'])], bool)]
     truth['frame'] //= disturbance.every
     run = ClipRun(job.clip, detections, math.nan)
     return tuple(score_boxes(truth, run.boxes(), iou, COUNTINGS['moving'], run.skip, run.frames) for iou in IOUS)
