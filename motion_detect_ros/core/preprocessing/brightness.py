@@ -15,8 +15,9 @@ from motion_detect_ros.core.forgetting import kept
 from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA
 from motion_detect_ros.core.types import NANOSECONDS, ByteArray, DoubleArray, FloatArray
 
-#: Frames are compared by the means of so many cells along their width, at most.
-CELLS = 64
+#: Of every so many pixels along both axes one is looked at; frames are compared by the means of so many cells along
+#: their width, at most.
+STRIDE, CELLS = 4, 64
 #: Grey values in the range of the first two are neither black nor bright; those from the last one on stay as they are.
 DARKEST, BRIGHTEST, OVEREXPOSED = 12.0, 210.0, 250.0
 #: The exposure has jumped where the logarithms of so many cells changed by at least this in the median, and by so many
@@ -28,8 +29,6 @@ MEDIAN_ERROR = math.sqrt(math.pi / 2.0)
 #: These percentiles of the grey values are at least so far apart afterwards, by a factor of this at most. On the clips
 #: that settings were made on they are 85 to 220 levels apart.
 LOW_PERCENT, HIGH_PERCENT, LEAST_RANGE, MAX_STRETCH = 5.0, 95.0, 80.0, 3.0
-#: They are taken from every so many pixels along both axes.
-STRIDE = 4
 #: Time constant with which what was taken out of the exposure comes back, for the light has changed for good, and of
 #: the percentiles, seconds.
 MEMORY_S = 2.0
@@ -53,9 +52,10 @@ class Brightness:
 
     def step(self, gray: ByteArray, stamp_ns: int) -> ByteArray:
         """The frame, (h, w), with other grey values; itself where they stay."""
-        height, width = gray.shape
+        some = np.ascontiguousarray(gray[::STRIDE, ::STRIDE])
+        height, width = some.shape
         size = (min(CELLS, width), max(1, min(height, round(CELLS * height / width))))
-        cells = cv2.resize(gray, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+        cells = cv2.resize(some, size, interpolation=cv2.INTER_AREA).astype(np.float32)
         seconds = (stamp_ns - self._stamp_ns) / NANOSECONDS
         if self._cells is None or self._cells.shape != cells.shape or not 0.0 < seconds <= MAX_GAP_S:
             self.reset()
@@ -64,12 +64,12 @@ class Brightness:
             self._log_gain += _jump(cells * np.float32(math.exp(self._log_gain)), self._cells)
         self._cells, self._stamp_ns = cells * np.float32(math.exp(self._log_gain)), stamp_ns
         table = _brightened(self._log_gain)
-        table = np.rint(_stretched(table, self._followed_range(table, gray, seconds)))
+        table = np.rint(_stretched(table, self._followed_range(table, some, seconds)))
         return np.asarray(cv2.LUT(gray, table.astype(np.uint8)), np.uint8) if (table != VALUES).any() else gray
 
-    def _followed_range(self, table: DoubleArray, gray: ByteArray, seconds: float) -> DoubleArray:
+    def _followed_range(self, table: DoubleArray, some: ByteArray, seconds: float) -> DoubleArray:
         """(2,) percentiles of the grey values, by ``table``, over time."""
-        below = np.bincount(gray[::STRIDE, ::STRIDE].ravel(), minlength=256).cumsum()
+        below = np.bincount(some.ravel(), minlength=256).cumsum()
         now = table[np.searchsorted(below, below[-1] * np.array([LOW_PERCENT, HIGH_PERCENT]) / 100.0)]
         if self._range is not None:
             now += kept(seconds, MEMORY_S) * (self._range - now)
