@@ -42,8 +42,8 @@ start to report, three runs in turn) | 7.5 to 8.0 s | 7.1 to 7.4 s |
 | check of flow by points, one box at a time (305, frame) | 1.4 ms | 0.4 ms |
 | points of the ego-motion that fail without a pyramid are let go where they are under 5 % (one thread, ego-motion of \
 305 / `uavdt_M1303`, two runs in turn; on KITTI more fail, nothing changes) | 9.0 / 9.8 ms | 8.2 / 8.6 ms |
-| the same where they are under half, for KITTI (two cores, with frames of even brightness, which take 0.2 to 0.5 ms; two \
-runs in turn, processor time) | 22.3, 27.5 ms; 38 to 47 ms | 20.7, 23.0 ms; 35 to 38 ms |
+| the same where they are under half, for KITTI (two cores, with frames of even brightness, which take 0.2 to 0.5 ms; \
+two runs in turn, processor time) | 22.3, 27.5 ms; 38 to 47 ms | 20.7, 23.0 ms; 35 to 38 ms |
 | window of the ego-motion's tracker 16 instead of 15 px, but for the preset `visdrone`: OpenCV handles 8 pixels of a \
 row at once, the rest one by one (KITTI, one thread, ego-motion; 305 would gain 1 to 3 of 11 to 14 ms) | 25 to 28 ms \
 | 17 ms |
