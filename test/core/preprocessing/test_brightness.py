@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import cv2
@@ -73,10 +74,11 @@ def test_what_is_overexposed_stays_white() -> None:
     assert np.abs(found[1][80:].astype(float) - found[0][80:]).mean() < 3.0
 
 
-@pytest.mark.parametrize('case', ['gap', 'backwards', 'size', 'reset'])
+@pytest.mark.parametrize('case', ['gap', 'backwards', 'far backwards', 'size', 'reset'])
 def test_the_first_picture_after_a_break_is_as_it_comes(case: str) -> None:
     brightness, dark = Brightness(), lit(scene()[:, :WIDTH], 0.7)
-    brightness.step(lit(scene()[:, :WIDTH], 1.0), 10 * PERIOD_NS)
+    start = 10 ** 18 if case == 'far backwards' else 10 * PERIOD_NS
+    brightness.step(lit(scene()[:, :WIDTH], 1.0), start)
     if case == 'size':
         dark = dark[:200]
     if case == 'reset':
@@ -84,10 +86,70 @@ def test_the_first_picture_after_a_break_is_as_it_comes(case: str) -> None:
     assert brightness.step(dark, {'gap': 100, 'backwards': 9}.get(case, 11) * PERIOD_NS) is dark
 
 
-@pytest.mark.parametrize('value', [0, 5, 255])
-def test_black_and_white_pictures_tell_nothing(value: int) -> None:
-    pictures = [np.full((HEIGHT, WIDTH), each, np.uint8) for each in (value, 120, value)]
-    assert [len(np.unique(seen)) for seen in followed(pictures)] == [1, 1, 1]
+@pytest.mark.parametrize(('hertz', 'gain'), [(25, 0.5), (10, 5.5), (10, 0.4), (5, 0.4), (2, 0.6), (1.1, 0.8)])
+def test_light_that_has_changed_for_good_is_taken_over_at_any_frame_rate(hertz: float, gain: float) -> None:
+    world = 0.25 * scene()[:, :WIDTH] + 20.0
+    pictures = [lit(world, each) for each in [1.0] + [gain] * math.ceil(20 * hertz)]
+    brightness = Brightness()
+    found = [brightness.step(each, round((index + 1) * 1e9 / hertz)) for index, each in enumerate(pictures)]
+    as_they_are = [Brightness().step(each, 1) for each in pictures]  # stretched as the first of a camera
+    assert np.abs(found[-1].astype(float) - as_they_are[-1]).mean() < 3.0
+
+
+@pytest.mark.parametrize('value', [0, 5, 128, 255])
+@pytest.mark.parametrize('count', [1, 40])
+def test_pictures_after_black_and_white_ones_are_as_they_come(value: int, count: int) -> None:
+    blank = np.full((HEIGHT, WIDTH), value, np.uint8)
+    found = followed([*[blank] * count, *[lit(scene()[:, :WIDTH], 1.0)] * 20])
+    for seen in found[count:]:
+        np.testing.assert_array_equal(seen, lit(scene()[:, :WIDTH], 1.0))
+
+
+def under_a_bright_sky() -> np.ndarray:
+    picture = scene()[:, :WIDTH].copy()
+    picture[:HEIGHT * 45 // 100] = 0.1 * picture[:HEIGHT * 45 // 100] + 215.0
+    return picture
+
+
+DAMAGED = {
+    'black': np.zeros_like, 'grey': lambda view: np.full_like(view, 128),
+    'dark grey': lambda view: np.full_like(view, 60), 'white': lambda view: np.full_like(view, 255),
+    'noise': lambda view: np.random.default_rng(1).integers(0, 256, view.shape, np.uint8),
+    'another scene': lambda view: lit(255.0 - 0.7 * scene(9)[:, :WIDTH], 1.0),
+    'lower half grey': lambda view: np.vstack([view[:HEIGHT // 2], np.full_like(view[HEIGHT // 2:], 128)]),
+    'lower half black': lambda view: np.vstack([view[:HEIGHT // 2], np.zeros_like(view[HEIGHT // 2:])]),
+}
+
+
+VIEWS = {
+    'scene': lit(scene()[:, :WIDTH], 1.0), 'under a bright sky': lit(under_a_bright_sky(), 1.0),
+    'night': lit(scene()[:, :WIDTH], 0.2), 'fog': lit(0.35 * scene()[:, :WIDTH] + 130.0, 1.0),
+}
+
+
+@pytest.mark.parametrize('damage', DAMAGED)
+@pytest.mark.parametrize('world', VIEWS)
+def test_a_damaged_picture_changes_no_other(world: str, damage: str) -> None:
+    found = followed([*[VIEWS[world]] * 10, DAMAGED[damage](VIEWS[world]), *[VIEWS[world]] * 10])
+    for seen in found[11:]:
+        assert np.abs(seen.astype(float) - found[9]).mean() < 3.0
+
+
+def test_after_a_cut_pictures_are_as_they_come() -> None:
+    bright, shade = lit(scene()[:, :WIDTH], 1.0), scene(5)[:, :WIDTH]
+    shade = lit(np.where(np.arange(WIDTH) < 0.8 * WIDTH, 0.4 * shade, shade), 1.0)
+    for seen in followed([*[bright] * 5, *[shade] * 25])[5:]:
+        np.testing.assert_array_equal(seen, shade)
+
+
+@pytest.mark.parametrize('gain', [0.3, 0.6, 1.7, 3.0])
+def test_what_was_brighter_still_is_after_a_jump_of_the_exposure(gain: float) -> None:
+    world = np.clip(scene()[:, :WIDTH], 0.0, None)
+    world[:40] = np.linspace(0.0, 255.0, WIDTH)
+    picture = lit(world, gain)
+    seen = followed([lit(world, 1.0), picture])[1]
+    order = np.argsort(picture, axis=None, kind='stable')
+    assert (np.diff(seen.ravel()[order].astype(int)) >= 0).all()
 
 
 def dull(picture: np.ndarray, contrast: float) -> np.ndarray:
