@@ -152,7 +152,8 @@ def run_disturbed(job: DisturbedJob) -> tuple[Score, ...]:
     for frame in itertools.islice(job.clip.source(), 0, job.clip.limit, disturbance.every):
         image, matrix = disturbance.seen(frame.image, frame.index)
         found = pipeline.process(image, frame.stamp_ns).detections
-        detections[frame.index // disturbance.every] = undone(found, matrix)
+        lost = disturbance.lost(frame.index)
+        detections[frame.index // disturbance.every] = undone(found[:0] if lost else found, matrix)
     truth = truth[(truth['frame'] % disturbance.every == 0) & ~np.array([*map(disturbance.lost, truth['frame'])], bool)]
     truth['frame'] //= disturbance.every
     run = ClipRun(job.clip, detections, math.nan)

@@ -30,7 +30,7 @@ DETECTION_DTYPE = np.dtype([
     ('ttc', '<f4'),                                  # s; +inf not approaching, NaN unknown
     ('bearing_x', '<f4'), ('bearing_y', '<f4'), ('bearing_z', '<f4'),  # unit ray, optical frame; NaN uncalibrated
     ('id', '<u4'),                                   # confirmed track, never reused in a run
-    ('age', '<u4'),                                  # frames since the track was first seen
+    ('age', '<u4'),                                  # frames in which a motion was known, since it was first seen
     ('area', '<f4'),                                 # pixels of the object's mask
     ('cluster', '<u4'),                              # ART2 neuron of the object
 ])

@@ -35,8 +35,8 @@ def times_row(frame: int, decode_ms: float, result: Result) -> str:
 
 
 def affine_part(ego: EgoMotion, width: int, height: int) -> DoubleArray:
-    """(2, 3) affine of full-resolution pixels, previous frame to this one; of a homography its linearisation at the
-    centre of the width x height image.
+    """(2, 3) affine of full-resolution pixels, from the last frame with a motion to this one; of a homography its
+    linearisation at the centre of the width x height image.
     """
     matrix = ego.matrix
     if not matrix[2, :2].any():

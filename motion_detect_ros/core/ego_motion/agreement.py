@@ -51,8 +51,11 @@ def agrees_rather(
         cv2.resize(cv2.absdiff(stabilise(before, at_scale(matrix, size[0] / frame.width)), now), cells,
                    interpolation=cv2.INTER_AREA).astype(np.float32) + CELL_NOISE_GRAY
         for matrix in (measured, expected))
-    rivals = np.count_nonzero(2.0 * as_expected < as_measured)
-    return bool(rivals < RIVAL_SHARE * np.count_nonzero(2.0 * as_measured < as_expected))
+    rivals, winners = 2.0 * as_expected < as_measured, 2.0 * as_measured < as_expected
+    if frame.mask is not None:
+        scene = cv2.resize(frame.mask.astype(np.uint8), cells, interpolation=cv2.INTER_NEAREST) > 0
+        rivals, winners = rivals & scene, winners & scene
+    return bool(np.count_nonzero(rivals) < RIVAL_SHARE * np.count_nonzero(winners))
 
 
 def _correlation(first: ByteArray, second: ByteArray) -> float:

@@ -79,7 +79,7 @@ class EgoMotionStage:
         """Motion from an earlier frame to ``frame``. Image content never raises: see ``status``.
 
         From that of the last call, or from the last one with a motion, where those after it told none: a picture that
-        is damaged or covered for a moment costs only itself.
+        is damaged or covered for a moment costs only itself. Where the gyroscope tells the motion, that is a motion.
         """
         status = self._continuity(self._passed_over or self._previous, frame)
         if status != EgoStatus.OK:
@@ -87,6 +87,8 @@ class EgoMotionStage:
             return no_estimate(status, frame.stamp_ns, frame.stamp_ns)
         starts = [each for each in (self._previous, self._passed_over)
                   if each is not None and self._continuity(each, frame) == EgoStatus.OK]
+        if starts[0] is not self._previous:  # it is too old
+            self._start_at(starts[0])
         ego = self._between(starts[0], frame)
         if len(starts) > 1 and ego.status in (EgoStatus.LOW_TEXTURE, EgoStatus.DEGENERATE):
             self._start_at(starts[0])

@@ -33,16 +33,22 @@ class FrameHistory:
         self._baseline_s = baseline_s
         self._chain = MotionChain()
         self._frames: dict[int, PreparedFrame] = {}
+        self._passed_over: PreparedFrame | None = None
 
     def reset(self) -> None:
         """Clear all frames."""
         self._chain.reset()
         self._frames.clear()
+        self._passed_over = None
 
     def step(self, frame: PreparedFrame, ego: EgoMotion) -> ReferenceFrame | None:
         """Add a frame and the motion into it, unless it is passed over; returns its reference frame, None = none."""
         if ego.passed_over:
+            self._passed_over = frame
             return None
+        if self._passed_over is not None and self._passed_over.stamp_ns == ego.prev_stamp_ns:  # after a cut
+            self._frames[ego.prev_stamp_ns] = self._passed_over
+        self._passed_over = None
         self._chain.append(ego)
         link = self._chain.nearest(self._baseline_s)
         earlier = self._frames.get(link.stamp_ns) if link else None

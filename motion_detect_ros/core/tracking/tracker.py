@@ -6,6 +6,8 @@ motion however the camera shakes.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
@@ -45,7 +47,7 @@ class Tracker:
         self.use_config(config)
         self._tracks: list[Track] = []
         self._next_id = first_id
-        self._camera_px_s = 0.0
+        self._camera_px_s, self._period_s = 0.0, math.inf
 
     def use_config(self, config: TracksConfig) -> None:
         """Settings from the next frame on, for the tracks that there are too."""
@@ -55,7 +57,7 @@ class Tracker:
     def reset(self) -> None:
         """Clear all tracks; ids go on counting."""
         self._tracks.clear()
-        self._camera_px_s = 0.0
+        self._camera_px_s, self._period_s = 0.0, math.inf
 
     def step(
         self, candidates: list[Candidate], matrix: DoubleArray, dt_s: float, width: int, height: int,
@@ -63,7 +65,8 @@ class Tracker:
     ) -> RecordArray:
         """One frame of ``width`` x ``height`` pixels: predict, assign, update.
 
-        matrix: (3, 3) previous pixel -> current pixel; dt_s: time between them, seconds; gray: (h, w) uint8, the frame
+        matrix: (3, 3) previous pixel -> current pixel; dt_s: time between them, seconds, of which no more than the last
+        one speaks for what is new, as it was not seen before; gray: (h, w) uint8, the frame
         at working resolution, for the appearance models. Returns the confirmed objects
         (``DETECTION_DTYPE``), boxes cut to the image; a track ends when its centre leaves the image.
         """
@@ -81,7 +84,8 @@ class Tracker:
         taken = set(pairs.values())
         for index, seen in enumerate(candidates):
             if index not in taken:
-                self._tracks.append(Track(seen, dt_s, self._config.confirm_window_s))
+                self._tracks.append(Track(seen, min(dt_s, self._period_s), self._config.confirm_window_s))
+        self._period_s = dt_s
         self._weigh_travel()
         self._confirm()
         self._drop_ended(width, height)

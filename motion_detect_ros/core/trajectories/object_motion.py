@@ -29,6 +29,8 @@ VELOCITY_PX = 4.0
 #: A scene is in relief where residuals along the epipolar lines are so much longer than across, over the longest
 #: baseline up to this length, seconds.
 RELIEF, RELIEF_BASELINE_S = 1.75, 0.24
+#: Differences of times are compared to so many digits, as stamps jitter.
+JITTER_DIGITS = 3
 
 
 @dataclass(frozen=True)
@@ -70,10 +72,9 @@ def object_motion(points: Points, frames: RecentFrames, camera: CameraModel) -> 
         baseline.measure(camera, parts, found, index)
     motion = replace(PointMotion.at_rest(len(points)), displacements=tuple(found.motion),
                      seconds=tuple(each.seconds for each in baselines))
-    frames_ago = np.array([each.frames for each in baselines], np.intp)
     seconds = np.array(motion.seconds, np.float64)
-    _judge(found.motion, found.background, found.noise, found.sigmas, frames_ago, seconds, _halves(frames_ago),
-           MOVING_SIGMAS, motion.velocity, motion.sigmas, motion.background, motion.evidence, motion.least_speed)
+    _judge(found.motion, found.background, found.noise, found.sigmas, seconds, _halves(seconds), MOVING_SIGMAS,
+           motion.velocity, motion.sigmas, motion.background, motion.evidence, motion.least_speed)
     return motion
 
 
@@ -106,24 +107,25 @@ def _relief(baselines: list[Baseline]) -> list[EpipolarParts | None]:
     return [parts if each is short else each.epipolar_parts() for each in baselines]
 
 
-def _halves(frames_ago: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+def _halves(seconds: DoubleArray) -> npt.NDArray[np.intp]:
     """(B,) index of the baseline closest to half of each, of the shorter ones; -1 for the last one, which has none.
 
-    frames_ago: (B,) descending.
+    seconds: (B,) descending.
     """
-    count = len(frames_ago)
-    return np.array([min(range(index + 1, count), key=lambda other: abs(frames_ago[other] - frames_ago[index] / 2.0),
-                         default=-1) for index in range(count)], np.intp)
+    count = len(seconds)
+    return np.array([min(range(index + 1, count), default=-1,
+                         key=lambda other: round(abs(seconds[other] - seconds[index] / 2.0), JITTER_DIGITS))
+                     for index in range(count)], np.intp)
 
 
 @kernel()
 def _judge(  # type: ignore[no-untyped-def]
-    motion, background, noise, sigmas, frames_ago, seconds, halves, moving_sigmas, velocity_out, sigmas_out,
-    background_out, evidence_out, least_speed_out,
+    motion, background, noise, sigmas, seconds, halves, moving_sigmas, velocity_out, sigmas_out, background_out,
+    evidence_out, least_speed_out,
 ):
     """Fills the arrays of a ``PointMotion`` at rest, of N points, from their ``Displacements`` over B baselines.
 
-    frames_ago, seconds, halves: (B,), longest baseline first; moving_sigmas: ``MOVING_SIGMAS``.
+    seconds, halves: (B,), longest baseline first; moving_sigmas: ``MOVING_SIGMAS``.
     """
     for n in range(len(sigmas_out)):
         used = -1
@@ -139,7 +141,7 @@ def _judge(  # type: ignore[no-untyped-def]
             if used < 0 <= halves[b] and sigmas[b, n] > moving_sigmas:
                 half = halves[b]
                 recent = (motion[half, n, 0] * x + motion[half, n, 1] * y) / length
-                due = length * (frames_ago[half] / frames_ago[b])
+                due = length * (seconds[half] / seconds[b])
                 if recent > STEADY_SHARE * due and length - recent > STEADY_SHARE * (length - due):
                     used, sigmas_out[n] = b, sigmas[b, n]
                     for axis in range(2):

@@ -30,10 +30,22 @@ def noisy(path: np.ndarray, seed: int = 0) -> np.ndarray:
     return path + np.random.default_rng(seed).normal(0, SIGMA, path.shape)
 
 
-def run(smoother, measured: np.ndarray, dt_s: float = DT_S) -> tuple[np.ndarray, list[np.ndarray], list[bool]]:
-    out = [smoother.update(values, np.eye(6) * SIGMA ** 2, (index + 1) * PERIOD_NS, dt_s, never)
-           for index, values in enumerate(measured)]
-    return np.array([o[0] for o in out]), [o[1] for o in out], [o[2] for o in out]
+def run(
+    smoother, motions: np.ndarray, dt_s: float = DT_S, errors: np.ndarray | None = None,
+) -> tuple[np.ndarray, list[np.ndarray], list[bool]]:
+    """Filtered motions, covariances, acceptance. After a refused one the next is measured over both frames, and what
+    comes out less the other frames' motions; errors: of each measurement.
+    """
+    out, covariances, accepted, before, frames = [], [], [], np.zeros(6), 1
+    for index, values in enumerate(motions):
+        measured = before + values + (0.0 if errors is None else errors[index])
+        filtered, covariance, known = smoother.update(
+            measured, np.eye(6) * SIGMA ** 2, (index + 1) * PERIOD_NS, frames * dt_s, never)
+        out.append(filtered - before)
+        covariances.append(covariance)
+        accepted.append(known)
+        before, frames = (np.zeros(6), 1) if known else (before + values, frames + 1)
+    return np.array(out), covariances, accepted
 
 
 def test_a_shaking_camera_is_predicted_better_than_by_its_last_motion():
@@ -74,10 +86,11 @@ def test_the_reported_covariance_is_the_spread_of_the_errors():
 
 def test_one_wild_estimate_is_refused_a_lasting_change_is_believed():
     path = shaking(150)
+    path[120:] += 60.0
+    wild = np.zeros_like(path)
+    wild[100] = 40.0
     measured = noisy(path)
-    measured[100] += 40.0
-    measured[120:] += 60.0
-    out, _, accepted = run(ParameterAutoregression(EgoMotionConfig()), measured)
+    out, _, accepted = run(ParameterAutoregression(EgoMotionConfig()), measured, errors=wild)
     assert not accepted[100]
     assert sum(accepted[60:120]) >= 58
     assert accepted[120:123] == [False, False, True]
@@ -91,11 +104,32 @@ def test_reset_and_another_frame_rate_forget_the_rule():
     assert smoother.forecast(DT_S) is not None
     smoother.reset()
     assert smoother.forecast(DT_S) is None
-    run(smoother, noisy(shaking(60)))
-    wild = np.full(6, 500.0)
-    out, _, accepted = run(smoother, wild[None], 2 * DT_S)
-    assert accepted == [True]
-    np.testing.assert_array_equal(out[0], wild)
+    for dt_s in (0.5 * DT_S, 20 * DT_S):
+        run(smoother, noisy(shaking(60)))
+        wild = np.full(6, 500.0)
+        out, _, accepted = run(smoother, wild[None], dt_s)
+        assert accepted == [True]
+        np.testing.assert_array_equal(out[0], wild)
+    path = shaking(64)
+    run(smoother, noisy(path[:60]))
+    run(smoother, path[60::2] + path[61::2], 2 * DT_S)
+    assert smoother.forecast(DT_S) is None, 'every second frame from now on'
+
+
+@pytest.mark.parametrize('missing', [1, 2, 3])
+def test_frames_that_are_missing_cost_the_rule_nothing(missing: int):
+    path = shaking(150)
+    measured, smoother = noisy(path), ParameterAutoregression(EgoMotionConfig())
+    run(smoother, measured[:100])
+    span = slice(100, 101 + missing)
+    run(smoother, measured[span].sum(axis=0)[None], (missing + 1) * DT_S)
+    errors = [smoother.forecast(DT_S) - path[101 + missing]]
+    for index in range(101 + missing, 110):
+        run(smoother, measured[index][None])
+        errors.append(smoother.forecast(DT_S) - path[index + 1])
+    moving = AMPLITUDES > 0
+    by_last = np.sqrt(np.mean((measured[49:-1] - path[50:]) ** 2, axis=0))[moving]
+    assert (np.sqrt(np.mean(np.square(errors), axis=0))[moving] < 0.6 * by_last).all()
 
 
 def test_a_still_camera_leaves_the_weights_bounded():

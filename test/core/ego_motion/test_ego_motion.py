@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from warps import (
@@ -19,6 +21,7 @@ from warps import (
 
 from motion_detect_ros.core.config import EgoMotionConfig, PipelineConfig
 from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
+from motion_detect_ros.core.geometry.frame_history import FrameHistory
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.types import EgoMotion, EgoStatus
 
@@ -123,6 +126,35 @@ def test_what_covers_most_of_the_picture_for_a_moment_is_not_the_ground(smoothin
     assert found[12].status == EgoStatus.OUTLIER_GATED
 
 
+@pytest.mark.parametrize('step_px', [12, 20, 30])
+def test_what_passes_in_front_for_two_frames_is_not_the_ground_in_either(step_px: int):
+    """With a rule for the motion; as much acceleration as the Kalman filter expects would go as far."""
+    texture, other = world(8), world(9, HEIGHT, WIDTH)
+    pictures = [view(texture, about_centre(0.0, 1.0, 3.0 * index, 0.0)) for index in range(18)]
+    for index in (11, 12, 13):
+        shift = 60 + step_px * (index - 11)
+        pictures[index][:, shift:shift + 420] = other[:, :420]
+    found = of_each(pictures, smoothing='autoregressive')
+    assert [each.status for each in found[12:14]] == [EgoStatus.OUTLIER_GATED] * 2
+    for each, index in zip(found[1:], range(1, 18), strict=True):
+        if each.ok:
+            frames = round((each.stamp_ns - each.prev_stamp_ns) / PERIOD_NS)
+            assert corner_error(each.matrix, about_centre(0.0, 1.0, 3.0 * frames, 0.0)) < 1.0, index
+
+
+def test_what_the_mask_hides_does_not_tell_against_a_jerk_of_the_camera():
+    """The hull in view stands still, as a camera at rest would show it."""
+    poses = [np.eye(3)] * 8 + [about_centre(0.0, 1.0, 30.0 * (-1) ** index, 5.0) for index in range(6)]
+    hull, config = np.zeros((HEIGHT, WIDTH), bool), PipelineConfig(ego_motion=EgoMotionConfig())
+    hull[:, WIDTH * 55 // 100:] = True
+    stage, prepare = EgoMotionStage(config), Preprocessor(config.preprocessing)
+    still = world(9, HEIGHT, WIDTH)
+    for index, pose in enumerate(poses):
+        picture = np.where(hull, still, view(world(7), pose)).astype(np.uint8)
+        ego = stage.process(replace(prepare.process(picture, (index + 1) * PERIOD_NS), mask=~hull))
+        assert ego.ok or not index, index
+
+
 DAMAGED = {
     'grey': lambda picture: np.full_like(picture, 128),
     'noise': lambda picture: np.random.default_rng(int(picture.sum())).integers(0, 256, picture.shape, np.uint8),
@@ -177,3 +209,14 @@ def test_inliers_are_some_of_the_tracks(angle_deg: float):
         texture = world(seed)
         ego = estimate(view(texture, np.eye(3)), view(texture, about_centre(angle_deg, 1.0, 0.0, 0.0)))
         assert ego.status == EgoStatus.OK and 0 < ego.inliers <= ego.tracks
+
+
+@pytest.mark.parametrize('baseline_s', [0.04, 0.12, 0.4])
+def test_after_a_cut_frames_are_compared_from_the_second_picture_on(baseline_s: float):
+    config, history = PipelineConfig(), FrameHistory(baseline_s)
+    stage, prepare = EgoMotionStage(config), Preprocessor(config.preprocessing)
+    known = []
+    for index, picture in enumerate(passing(14, world(11)) + passing(14, world(31))):
+        frame = prepare.process(picture, (index + 1) * PERIOD_NS)
+        known.append(history.step(frame, stage.process(frame)) is not None)
+    assert known == [False] + 13 * [True] + [False] + 13 * [True]

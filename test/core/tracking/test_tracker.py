@@ -34,6 +34,14 @@ def test_confirmed_after_enough_hits_and_never_by_flicker():
         assert len(tracker.step(seen, np.eye(3), DT_S, 640, 480)) == 0
 
 
+@pytest.mark.parametrize('gap_s', [2 * DT_S, 4 * DT_S, 20 * DT_S])
+def test_time_before_an_object_was_seen_does_not_speak_for_it(gap_s: float):
+    tracker = Tracker(CONFIG)
+    tracker.step([], np.eye(3), DT_S, 640, 480)
+    counts = [len(tracker.step([candidate(100, 100)], np.eye(3), dt_s, 640, 480)) for dt_s in (gap_s, DT_S, DT_S)]
+    assert counts == [0, 0, 1]
+
+
 def first_report(step_px: float, pan_px: float = 0.0, others: tuple[Candidate, ...] = (), top: float = 100.0,
                  ) -> int | None:
     """Frame that first reports more than ``others``.

@@ -14,15 +14,15 @@ from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, Recent
 from motion_detect_ros.core.types import CameraModel, EgoMotion, EgoStatus, PreparedFrame
 
 PERIOD_NS, WIDTH, HEIGHT = 40_000_000, 640, 360
-FRAMES_AGO, SECONDS, HALVES = np.array([25, 12, 8, 5, 3]), np.array([1.0, 0.48, 0.32, 0.2, 0.12]), [1, 3, 3, 4]
+SECONDS, HALVES = np.array([1.0, 0.48, 0.32, 0.2, 0.12]), [1, 3, 3, 4]
 COUNT = 3000
 
 
 def judged(motion: np.ndarray, background: np.ndarray, noise: np.ndarray, sigmas: np.ndarray) -> PointMotion:
     found = PointMotion.at_rest(motion.shape[1])
-    halves = object_motion._halves(FRAMES_AGO)
-    object_motion._judge(motion, background, noise, sigmas, FRAMES_AGO, SECONDS, halves, 4.0, found.velocity,
-                         found.sigmas, found.background, found.evidence, found.least_speed)
+    halves = object_motion._halves(SECONDS)
+    object_motion._judge(motion, background, noise, sigmas, SECONDS, halves, 4.0, found.velocity, found.sigmas,
+                         found.background, found.evidence, found.least_speed)
     return found
 
 
@@ -41,7 +41,7 @@ def test_a_point_moves_that_does_so_in_both_parts_of_a_baseline() -> None:
     used = np.full(COUNT, -1)
     for index, half in reversed(list(enumerate(HALVES))):
         recent = np.einsum('ij,ij->i', motion[half], motion[index]) / length[index]
-        share, whole = FRAMES_AGO[half] / FRAMES_AGO[index], length[index]
+        share, whole = SECONDS[half] / SECONDS[index], length[index]
         steady = (recent > 0.3 * share * whole) & (whole - recent > 0.3 * (1.0 - share) * whole)
         used[(sigmas[index] > 4.0) & (length[index] > 1.2) & steady] = index
     velocity_of = used.copy()
@@ -71,8 +71,10 @@ def test_evidence_and_least_speed_are_those_of_any_baseline() -> None:
 
 
 def test_the_half_of_a_baseline_is_the_shorter_one_closest_to_it() -> None:
-    assert object_motion._halves(FRAMES_AGO).tolist() == [*HALVES, -1]
-    assert object_motion._halves(FRAMES_AGO[:0]).tolist() == []
+    assert object_motion._halves(SECONDS).tolist() == [*HALVES, -1]
+    assert object_motion._halves(SECONDS[:0]).tolist() == []
+    jitter = np.array([0.0, 1e-9, -1e-9, 1e-9, -1e-9])
+    assert object_motion._halves(SECONDS + jitter).tolist() == object_motion._halves(SECONDS - jitter).tolist()
 
 
 def ego(matrix: np.ndarray, index: int) -> EgoMotion:

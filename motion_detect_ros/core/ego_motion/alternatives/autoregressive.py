@@ -4,7 +4,8 @@ Each parameter's rate r (per second, about the image centre, pixels) is predicte
 r_k = w1 r_(k-1) + .. + wp r_(k-p), p = ``ar_order``. The weights follow by recursive least squares with exponential
 forgetting over ``ar_forgetting_s`` (Haykin 2002, chapter 9), from the last value alone as start. The prediction
 and the measurement are averaged by their covariances; that of the prediction is measured on its last errors.
-Frames must be equidistant: another frame rate restarts the filter.
+Frames must be equidistant. Some may be missing, or tell no motion: the rates of all up to the next one are predicted
+then, one by one. Another frame rate restarts the filter.
 """
 
 from __future__ import annotations
@@ -22,14 +23,16 @@ WEIGHT_VARIANCE = 1.0
 MIN_SHARE = 0.05
 #: Share that the guess of the error, an acceleration of the process noise, keeps from frame to frame, and its least.
 GUESS_KEPT, MIN_GUESS = 0.8, 1e-6
-#: Ratio of frame periods from which the filter restarts.
-MAX_PERIOD_RATIO = 1.5
+#: Ratio of frame periods from which the filter restarts, unless it is that of up to so many periods, for once.
+MAX_PERIOD_RATIO, MAX_PERIODS = 1.5, 8
 
 
 class ParameterAutoregression:
     """Smooths a0..a5 over time; estimates outside of the gate it passes on or rejects, as the image says."""
 
     _period_s: float
+    _rejected: int
+    _bridged: bool
 
     def __init__(self, config: EgoMotionConfig) -> None:
         self._order = config.ar_order
@@ -43,10 +46,7 @@ class ParameterAutoregression:
 
     def forecast(self, dt_s: float) -> DoubleArray | None:
         """(6,) parameters expected of the next frame, pixels over ``dt_s``; None before enough were measured."""
-        if len(self._recent) < self._order:
-            return None
-        forecast: DoubleArray = (self._weights * self._recent.T).sum(axis=1) * dt_s
-        return forecast
+        return None if len(self._recent) < self._order else self._foretold(1).mean(axis=0) * dt_s
 
     def update(
         self, params: DoubleArray, covariance: DoubleArray, _stamp_ns: int, dt_s: float, shown: Shown,
@@ -55,28 +55,52 @@ class ParameterAutoregression:
 
         params: (6,), covariance: (6, 6) about the image centre, pixels over ``dt_s``; shown: asked outside of the gate.
         """
-        if self._period_s and not 1.0 / MAX_PERIOD_RATIO < dt_s / self._period_s < MAX_PERIOD_RATIO:
-            self.reset()
-        self._period_s = dt_s
-        expected = self.forecast(dt_s)
-        if expected is None:
-            self._remember(params / dt_s)
+        periods = self._periods(dt_s)
+        if len(self._recent) < self._order:
+            self._remember((params / dt_s)[None])
             return params, covariance, True
+        foretold = self._foretold(periods)
+        expected: DoubleArray = foretold.mean(axis=0) * dt_s
         spread = self._forecast_covariance(covariance, dt_s)
         innovation = params - expected
         outside = innovation @ np.linalg.solve(spread + covariance, innovation) > GATE_CHI2_6
         if outside and not shown(expected):
-            return self._rejected_update(params, expected, covariance, dt_s)
+            self._rejected += 1
+            if self._rejected < MAX_REJECTED:
+                return expected, covariance, False
+            self._start((params / dt_s)[None], self._period_s)
+            return params, covariance, True
         gain = np.eye(6) if outside else spread @ np.linalg.inv(spread + covariance)
-        self._learn(innovation / dt_s, np.diag(covariance) / dt_s ** 2, dt_s)
-        self._remember(params / dt_s)
-        self._rejected = 0
+        if periods == 1:
+            self._learn(innovation / dt_s, np.diag(covariance) / dt_s ** 2, dt_s)
+        self._remember(foretold + innovation / dt_s)
+        self._rejected, self._bridged = 0, periods > 1
         return expected + gain @ innovation, gain @ covariance, True
+
+    def _periods(self, dt_s: float) -> int:
+        """How many frame periods ``dt_s`` is; restarts the filter where it is another period."""
+        periods = max(1, round(dt_s / self._period_s)) if self._period_s else 1
+        ratio = dt_s / (periods * self._period_s) if self._period_s else 1.0
+        missing = periods > 1 and self._rejected == 0
+        if (not 1.0 / MAX_PERIOD_RATIO < ratio < MAX_PERIOD_RATIO or periods > MAX_PERIODS
+                or (missing and self._bridged)):
+            self.reset()
+            periods = 1
+        if periods == 1:
+            self._period_s = dt_s
+        return periods
+
+    def _foretold(self, periods: int) -> DoubleArray:
+        """(periods, 6) rates expected of the next periods, latest first."""
+        recent = self._recent
+        for _ in range(periods):
+            recent = np.vstack([(self._weights * recent[:self._order].T).sum(axis=1), recent])
+        return recent[:periods]
 
     def _start(self, recent: DoubleArray, period_s: float) -> None:
         self._recent = recent  # (n, 6) rates, latest first
         self._period_s = period_s
-        self._rejected = 0
+        self._rejected, self._bridged = 0, False  # bridged: frames before the last one were missing
         self._weights = np.zeros((6, self._order))
         self._weights[:, 0] = 1.0
         self._doubt = np.tile(WEIGHT_VARIANCE * np.eye(self._order), (6, 1, 1))
@@ -84,18 +108,8 @@ class ParameterAutoregression:
         self._count, self._guess = 0.0, 1.0
 
     def _remember(self, rates: DoubleArray) -> None:
+        """rates: (n, 6), latest first."""
         self._recent = np.vstack([rates, self._recent])[:self._order]
-
-    def _rejected_update(
-        self, params: DoubleArray, expected: DoubleArray, covariance: DoubleArray, dt_s: float,
-    ) -> tuple[DoubleArray, DoubleArray, bool]:
-        """The forecast replaces the measurement; after too many of them the filter restarts."""
-        self._rejected += 1
-        if self._rejected < MAX_REJECTED:
-            self._remember(expected / dt_s)
-            return expected, covariance, False
-        self._start((params / dt_s)[None], dt_s)
-        return params, covariance, True
 
     def _squared_error(self, dt_s: float) -> DoubleArray:
         """(6,) of the rates' innovation; before there are many, as for an acceleration of the process noise."""
