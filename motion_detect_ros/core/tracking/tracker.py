@@ -16,6 +16,7 @@ from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.forgetting import kept
 from motion_detect_ros.core.geometry.carried import length_scale
 from motion_detect_ros.core.tracking.alternatives.appearance import APPEARANCE_MODELS
+from motion_detect_ros.core.tracking.lost_tracks import LostTracks
 from motion_detect_ros.core.tracking.nested import known_longest
 from motion_detect_ros.core.tracking.report import reported
 from motion_detect_ros.core.tracking.track import Track
@@ -46,6 +47,7 @@ class Tracker:
         """first_id: of the first confirmed track, 1 to MAX_ID; after that comes 1 again."""
         self.use_config(config)
         self._tracks: list[Track] = []
+        self._lost = LostTracks()
         self._next_id = first_id
         self._camera_px_s, self._period_s = 0.0, math.inf
 
@@ -57,6 +59,7 @@ class Tracker:
     def reset(self) -> None:
         """Clear all tracks; ids go on counting."""
         self._tracks.clear()
+        self._lost.reset()
         self._camera_px_s, self._period_s = 0.0, math.inf
 
     def step(
@@ -103,8 +106,9 @@ class Tracker:
         self._drop_ended(width, height)
 
     def coast_without_frame(self, dt_s: float, width: int) -> None:
-        """Predict over a missing frame: constant velocity, unknown camera motion."""
+        """Predict over a missing frame: constant velocity, unknown camera motion. What was lost before is forgotten."""
         camera_px = max(self._camera_px_s, CAMERA_WIDTHS_PER_S * width) * dt_s
+        self._lost.reset()
         for track in self._tracks:
             track.predict_without_ego_motion(camera_px, dt_s)
 
@@ -140,9 +144,14 @@ class Tracker:
         speed_px_s = float(np.hypot(*(moved[:2] / moved[2] - centre[:2]))) / max(dt_s, 1e-6)
         self._camera_px_s = max(speed_px_s, kept(dt_s, CAMERA_SPEED_MEMORY_S) * self._camera_px_s)
         rows, scale = matrix.tolist(), length_scale(matrix)
-        for track in self._tracks:
+
+        def move(track: Track) -> None:
             track.predict(rows, scale, dt_s)
             track.age += 1
+
+        for track in self._tracks:
+            move(track)
+        self._lost.carry(move, dt_s, width, height)
 
     def _assign(self, candidates: list[Candidate]) -> dict[int, int]:
         """Track index -> candidate index, least total cost (Kuhn 1955), gated."""
@@ -183,11 +192,22 @@ class Tracker:
         for track in self._tracks:
             if track.id == 0 and track.belief >= self._config.confirm_log_odds and (
                     track.detected.for_at_least(self._config.confirm_s)):
+                lost = self._lost.found_again(track)
+                if lost is not None:
+                    track.id, track.age = lost.id, lost.age
+                    continue
                 track.id = self._next_id
                 self._next_id = self._next_id % MAX_ID + 1
 
     def _drop_ended(self, width: int, height: int) -> None:
-        self._tracks = [track for track in self._tracks if self._alive(track) and track.inside(width, height)]
+        tracks, self._tracks = self._tracks, []
+        for track in tracks:
+            if not track.inside(width, height):
+                continue
+            if self._alive(track):
+                self._tracks.append(track)
+            elif track.id:
+                self._lost.add(track)
 
     def _alive(self, track: Track) -> bool:
         if track.id:

@@ -1,0 +1,86 @@
+"""Ids of objects that are hidden for a while, under an exact camera motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from motion_detect_ros.core.config import TracksConfig
+from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.tracking.tracker import Tracker
+
+DT_S, WIDTH, HEIGHT = 0.04, 640, 480
+PAN = np.array([[1.0, 0.0, 2.0], [0.0, 1.0, -1.0], [0.0, 0.0, 1.0]])
+
+
+def seen(frame: float, start: tuple[float, float] = (80.0, 200.0), step_px: tuple[float, float] = (3.0, 0.0),
+         size: tuple[float, float] = (40.0, 20.0)) -> Candidate:
+    """An object that moves by ``step_px`` a frame over a ground that passes by ``PAN``."""
+    centre = np.array(start) + frame * (np.array(step_px) + PAN[:2, 2])
+    return Candidate(centre, np.array(size), np.array(step_px) / DT_S, 300.0, 3.0, 1)
+
+
+def reports(frames: Sequence[list[Candidate]], tracker: Tracker | None = None) -> list[np.ndarray]:
+    tracker = tracker or Tracker(TracksConfig())
+    return [tracker.step(each, PAN, DT_S, WIDTH, HEIGHT) for each in frames]
+
+
+def hidden(count: int, after: list[list[Candidate]]) -> list[list[Candidate]]:
+    return [[seen(frame)] for frame in range(10)] + [[]] * count + after
+
+
+@pytest.mark.parametrize('count', [8, 15, 22])
+@pytest.mark.parametrize('lag_px', [0.0, 10.0])
+def test_an_object_that_was_hidden_gets_its_id_back(count: int, lag_px: float) -> None:
+    after = [[seen(frame, start=(80.0 - lag_px, 200.0))] for frame in range(10 + count, 18 + count)]
+    found = reports(hidden(count, after))
+    assert found[9]['id'].tolist() == [1] and len(found[9 + count]) == 0
+    assert found[-1]['id'].tolist() == [1]
+    assert found[-1]['age'].tolist() == [len(found)]
+
+
+def test_one_that_stopped_and_goes_on_gets_its_id_back() -> None:
+    stood = 15
+    after = [[seen(frame, start=(80.0 - 3.0 * stood, 200.0))] for frame in range(10 + stood, 18 + stood)]
+    assert reports(hidden(stood, after))[-1]['id'].tolist() == [1]
+
+
+@pytest.mark.parametrize('after', [
+    {'start': (80.0, 280.0)}, {'start': (200.0, 200.0)}, {'size': (90.0, 60.0)},
+], ids=['beside', 'ahead', 'larger'])
+def test_another_object_gets_an_id_of_its_own(after: dict) -> None:
+    found = reports(hidden(10, [[seen(frame, **after)] for frame in range(20, 28)]))
+    assert found[-1]['id'].tolist() == [2]
+
+
+def test_after_over_a_second_it_is_a_new_object() -> None:
+    found = reports(hidden(32, [[seen(frame)] for frame in range(42, 50)]))
+    assert found[-1]['id'].tolist() == [2]
+
+
+def test_what_left_the_picture_does_not_come_back() -> None:
+    start = (WIDTH - 45.0, 200.0)
+    gone = [[seen(frame, start)] for frame in range(10)]
+    back = [[seen(frame, start, step_px=(-7.0, 0.0))] for frame in range(8)]
+    assert reports([*gone, *[[]] * 4, *back])[-1]['id'].tolist() == [2]
+
+
+@pytest.mark.parametrize('forget', [Tracker.reset, lambda tracker: tracker.coast_without_frame(DT_S, WIDTH)])
+def test_nothing_is_remembered_over_a_break(forget) -> None:
+    tracker = Tracker(TracksConfig())
+    reports(hidden(8, []), tracker)
+    forget(tracker)
+    assert reports([[seen(frame)] for frame in range(19, 27)], tracker)[-1]['id'].tolist() == [2]
+
+
+def test_of_two_that_were_lost_each_gets_its_own_id() -> None:
+    def both(frame: int) -> list[Candidate]:
+        return [seen(frame), seen(frame, start=(80.0, 260.0), step_px=(3.0, 1.0))]
+
+    before, after = [both(frame) for frame in range(10)], [both(frame)[::-1] for frame in range(22, 30)]
+    found = reports([*before, *[[]] * 12, *after])
+    ids = [sorted(zip(each['v'].tolist(), each['id'].tolist(), strict=True)) for each in (found[9], found[-1])]
+    assert [pair[1] for pair in ids[0]] == [pair[1] for pair in ids[1]]
+    assert sorted(pair[1] for pair in ids[1]) == [1, 2]
