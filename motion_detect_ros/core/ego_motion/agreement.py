@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from motion_detect_ros.core.geometry.resizing import shrunk
 from motion_detect_ros.core.geometry.warp import at_scale, stabilise
 from motion_detect_ros.core.types import ByteArray, DoubleArray, FloatArray, PreparedFrame
 
@@ -12,12 +13,12 @@ from motion_detect_ros.core.types import ByteArray, DoubleArray, FloatArray, Pre
 CLOSE_PX = 1.0
 #: Least correlation of the stabilised pair: noise reaches 0.1, street scenes with strong parallax have 0.7 and more.
 MIN_CORRELATION = 0.3
-#: Frames are compared at this width, as details of a scene in depth do not fit one motion; less than the light that
-#: changes over this part of it, pixels.
+#: Frames are compared at about this width, as details of a scene in depth do not fit one motion; less than the light
+#: that changes over this part of it, pixels.
 WIDTH_PX, BACKGROUND_PX = 160, 31
-#: Two motions are compared in cells of so many pixels of frames of this width; a cell goes with the one under which its
-#: mean error and this, grey levels, are less than half as large. What was expected is right where it has at least this
-#: share of the cells that what was measured has.
+#: Two motions are compared in cells of so many pixels of frames of about this width; a cell goes with the one under
+#: which its mean error and this, grey levels, are less than half as large. What was expected is right where it has at
+#: least this share of the cells that what was measured has.
 COMPARED_WIDTH_PX, CELL_PX, CELL_NOISE_GRAY, RIVAL_SHARE = 320, 8, 2.0, 0.2
 
 
@@ -28,10 +29,8 @@ def agrees(previous: PreparedFrame, frame: PreparedFrame, matrix: DoubleArray, r
     """
     if residual_px * frame.scale <= CLOSE_PX:
         return True
-    height, width = frame.gray.shape
-    size = (min(WIDTH_PX, width), max(1, round(height * min(1.0, WIDTH_PX / width))))
-    shrunk = [cv2.resize(each.gray, size, interpolation=cv2.INTER_AREA) for each in (previous, frame)]
-    return _correlation(stabilise(shrunk[0], at_scale(matrix, size[0] / frame.width)), shrunk[1]) >= MIN_CORRELATION
+    (before, _), (now, scale) = (shrunk(each.gray, WIDTH_PX) for each in (previous, frame))
+    return _correlation(stabilise(before, at_scale(matrix, scale * frame.scale)), now) >= MIN_CORRELATION
 
 
 def agrees_rather(
@@ -42,13 +41,10 @@ def agrees_rather(
     A camera that is jerked takes all of the picture along; what covers the ground for a moment, only its own part.
     measured, expected: (3, 3) warps, full resolution.
     """
-    height, width = frame.gray.shape
-    scale = min(1.0, COMPARED_WIDTH_PX / width)
-    size = (round(width * scale), max(1, round(height * scale)))
-    before, now = (cv2.resize(each.gray, size, interpolation=cv2.INTER_AREA) for each in (previous, frame))
-    cells = (max(1, size[0] // CELL_PX), max(1, size[1] // CELL_PX))
+    (before, _), (now, scale) = (shrunk(each.gray, COMPARED_WIDTH_PX) for each in (previous, frame))
+    cells = (max(1, now.shape[1] // CELL_PX), max(1, now.shape[0] // CELL_PX))
     as_measured, as_expected = (
-        cv2.resize(cv2.absdiff(stabilise(before, at_scale(matrix, size[0] / frame.width)), now), cells,
+        cv2.resize(cv2.absdiff(stabilise(before, at_scale(matrix, scale * frame.scale)), now), cells,
                    interpolation=cv2.INTER_AREA).astype(np.float32) + CELL_NOISE_GRAY
         for matrix in (measured, expected))
     rivals, winners = 2.0 * as_expected < as_measured, 2.0 * as_measured < as_expected

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from motion_detect_ros.core.flow_methods.flow_function import FlowFunction
+from motion_detect_ros.core.geometry.resizing import averaged
 from motion_detect_ros.core.geometry.warp import grid_points
 from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import ByteArray, FloatArray
@@ -39,7 +40,7 @@ def forward_backward_flow(
     flow at the same time, None = ``flow`` does, afterwards. The result is the same with and without it.
     """
     def one_way(method: FlowFunction, one: ByteArray, other: ByteArray) -> FloatArray:
-        return np.asarray(cv2.resize(method(one, other), (columns, rows), interpolation=cv2.INTER_AREA), np.float32)
+        return averaged(method(one, other), rows, columns)
 
     if worker is None:
         forward, backward = one_way(flow, current, reference), one_way(flow, reference, current)

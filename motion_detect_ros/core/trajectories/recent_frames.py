@@ -8,6 +8,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from motion_detect_ros.core.geometry.resizing import averaged
 from motion_detect_ros.core.geometry.warp import at_scale
 from motion_detect_ros.core.types import NANOSECONDS, ByteArray, DoubleArray, EgoMotion, PreparedFrame
 
@@ -98,7 +99,4 @@ def shrunk(half: ByteArray) -> ByteArray:
     if (width % LIGHT_SHRINK == 0) == (height % LIGHT_SHRINK == 0):
         small: ByteArray = cv2.resize(half, (columns, rows), interpolation=cv2.INTER_AREA)
         return small
-    # OpenCV is slow with a whole ratio along one axis only, which is taken first here. The means are the same.
-    first = (width, rows) if width % LIGHT_SHRINK else (columns, height)
-    means = cv2.resize(half.astype(np.float32), first, interpolation=cv2.INTER_AREA)
-    return np.rint(cv2.resize(means, (columns, rows), interpolation=cv2.INTER_AREA)).astype(np.uint8)
+    return np.rint(averaged(half.astype(np.float32), rows, columns)).astype(np.uint8)
