@@ -29,7 +29,7 @@ DETECTION_DTYPE = np.dtype([
     ('score', '<f4'),                                # 0..1
     ('ttc', '<f4'),                                  # s; +inf not approaching, NaN unknown
     ('bearing_x', '<f4'), ('bearing_y', '<f4'), ('bearing_z', '<f4'),  # unit ray, optical frame; NaN uncalibrated
-    ('id', '<u4'),                                   # confirmed track, never reused in a run
+    ('id', '<u4'),                                   # confirmed track, not reused in a run but for lost_tracks
     ('age', '<u4'),                                  # frames in which a motion was known, since it was first seen
     ('area', '<f4'),                                 # pixels of the object's mask
     ('cluster', '<u4'),                              # ART2 neuron of the object

@@ -7,6 +7,7 @@ a pixel, in grey levels, is more in the pictures of a dull day, or of a night, t
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -18,7 +19,7 @@ from motion_detect_ros.core.types import NANOSECONDS, ByteArray, DoubleArray, Fl
 #: Of every so many pixels along both axes one is looked at; frames are compared by the means of so many cells along
 #: their width, at most.
 STRIDE, CELLS = 4, 64
-#: Grey values in the range of the first two are neither black nor bright; those from the last one on stay as they are.
+#: Grey values in the range of the first two are neither black nor bright; those from the last one on are white.
 DARKEST, BRIGHTEST, OVEREXPOSED = 12.0, 210.0, 250.0
 #: The exposure has jumped where the logarithms of so many cells changed by at least this in the median, and by so many
 #: standard errors of it; neighbours, of which so many count as one, err alike. Smaller changes trackers bear, and a
@@ -41,6 +42,16 @@ MAX_GAP_S = 1.0
 VALUES = np.arange(256.0)
 
 
+@dataclass(frozen=True)
+class _Seen:
+    """An earlier frame: its ``cells``; ``level`` of the exposure, and ``log_gain``, what was added to it, logs."""
+
+    cells: FloatArray
+    level: float
+    log_gain: float
+    stamp_ns: int
+
+
 class Brightness:
     """Looks grey values up in a table, which follows the exposure and the contrast of the frames."""
 
@@ -49,34 +60,44 @@ class Brightness:
 
     def reset(self) -> None:
         """The exposure of the next frame is taken as it is."""
-        self._earlier: list[FloatArray] = []  # cells of the last frame, and of the last one that was like one before it
+        self._earlier: list[_Seen] = []  # the last frame, and the last one that was like one before it
+        self._usual_level = 0.0
         self._range: DoubleArray | None = None
-        self._log_gain, self._stamp_ns = 0.0, 0
+        self._stamp_ns = 0
 
     def step(self, gray: ByteArray, stamp_ns: int) -> ByteArray:
         """The frame, (h, w), with other grey values; itself where they stay."""
         some = np.ascontiguousarray(gray[::STRIDE, ::STRIDE])
-        height, width = some.shape
-        size = (min(CELLS, width), max(1, min(height, round(CELLS * height / width))))
+        size = (min(CELLS, some.shape[1]), max(1, min(some.shape[0], round(CELLS * gray.shape[0] / gray.shape[1]))))
         cells = cv2.resize(some, size, interpolation=cv2.INTER_AREA).astype(np.float32)
         seconds = (stamp_ns - self._stamp_ns) / NANOSECONDS
-        if any(each.shape != cells.shape for each in self._earlier) or not 0.0 < seconds <= MAX_GAP_S:
+        if any(each.cells.shape != cells.shape for each in self._earlier) or not 0.0 < seconds <= MAX_GAP_S:
             self.reset()
             seconds = 0.0
-        self._log_gain = kept(seconds, MEMORY_S) * self._log_gain + self._jump(cells)
         self._stamp_ns = stamp_ns
-        table = _brightened(self._log_gain)
+        table = _brightened(self._follow(cells, stamp_ns, seconds))
         table = np.rint(_stretched(table, self._followed_range(table, some, seconds)))
         return np.asarray(cv2.LUT(gray, table.astype(np.uint8)), np.uint8) if (table != VALUES).any() else gray
 
-    def _jump(self, cells: FloatArray) -> float:
-        """Of the exposure since the last frame that the new one is like: 0 for a damaged picture and after a cut."""
+    def _follow(self, cells: FloatArray, stamp_ns: int, seconds: float) -> float:
+        """Logarithm of the factor that takes jumps of the exposure out of the frame; 0 where it is like none before.
+
+        Jumps add up, but are undone to no more than what the exposure is away from that of the last seconds, to which
+        smaller changes count too: else what is left of a lamp's steps one way would add up, and turn all black or white.
+        """
         for each in self._earlier:
-            jump = _jump(cells, each)
-            if jump is not None:
-                self._earlier = [cells]
-                return jump
-        self._earlier = [cells, *self._earlier[-1:]]
+            change = _change(each.cells, cells)
+            if change is None:
+                continue
+            ratio, jumped = change
+            level = each.level + ratio
+            self._usual_level += (1.0 - kept(seconds, MEMORY_S)) * (level - self._usual_level)
+            whole = self._usual_level - level
+            log_gain = kept((stamp_ns - each.stamp_ns) / NANOSECONDS, MEMORY_S) * each.log_gain - jumped * ratio
+            log_gain = min(max(log_gain, min(0.0, whole)), max(0.0, whole))
+            self._earlier = [_Seen(cells, level, log_gain, stamp_ns)]
+            return log_gain
+        self._earlier = [_Seen(cells, self._usual_level, 0.0, stamp_ns), *self._earlier[-1:]]
         return 0.0
 
     def _followed_range(self, table: DoubleArray, some: ByteArray, seconds: float) -> DoubleArray:
@@ -92,8 +113,8 @@ class Brightness:
         return now if far_more > 1.0 else self._range
 
 
-def _jump(now: FloatArray, before: FloatArray) -> float | None:
-    """Logarithm of the factor from cells ``now`` to those ``before``, 0 where the exposure did not jump.
+def _change(before: FloatArray, now: FloatArray) -> tuple[float, bool] | None:
+    """Logarithm of the factor from cells ``before`` to those ``now``, and whether the exposure jumped.
 
     None where the pictures are not alike: their cells differ by no less than those of one of them among themselves.
     Over neighbouring frames of real clips, jerked by 8 px too, it is up to 1.0 times, after cuts and in damaged
@@ -103,12 +124,12 @@ def _jump(now: FloatArray, before: FloatArray) -> float | None:
     if np.count_nonzero(usable) < MIN_CELLS:
         return None
     here, there = np.log(now[usable]), np.log(before[usable])
-    ratios = there - here
+    ratios = here - there
     typical, spread = _median_and_spread(ratios)
     if spread >= min(_median_and_spread(each)[1] for each in (here, there)):
         return None
     error = MEDIAN_ERROR * spread * math.sqrt(ALIKE / len(ratios))
-    return typical if abs(typical) >= max(LEAST_JUMP, CERTAIN_ERRORS * error) else 0.0
+    return typical, abs(typical) >= max(LEAST_JUMP, CERTAIN_ERRORS * error)
 
 
 def _median_and_spread(values: FloatArray) -> tuple[float, float]:

@@ -48,7 +48,7 @@ class Track:
         self._filter = MotionFilter(centre, _pair(seen.velocity_px_s), self._noise())
         self.seen = seen
         self.age = 1
-        self.coasted_s, self._coasted_frames = 0.0, 0
+        self.coasted_s, self.coasted_frames = 0.0, 0
         self.detected = DetectedTime(window_s)
         self.detected.add(dt_s, True, seen.measured)
         self.log_odds = _weight(dt_s) * seen.log_odds
@@ -124,7 +124,7 @@ class Track:
         self._add_log_odds(seen.log_odds, _weight(dt_s), dt_s)
         self.approach.update(seen.growth)
         self.seen = seen
-        self.coasted_s, self._coasted_frames = 0.0, 0
+        self.coasted_s, self.coasted_frames = 0.0, 0
         self.recognised_s = 0.0
         self._log_odds_seen = self.log_odds
         self.gate_inflation_px = 0.0
@@ -143,7 +143,7 @@ class Track:
         self._filter.correct_place(centre, MIN_CENTRE_PX ** 2)
         self._filter.slow(kept(dt_s, REST_S))
         self.log_odds = self._log_odds_seen * max(0.0, 1.0 - self.recognised_s / appearance_hold_s)
-        self.coasted_s, self._coasted_frames = 0.0, 0
+        self.coasted_s, self.coasted_frames = 0.0, 0
         self.gate_inflation_px = 0.0
 
     def coast_unobserved(self, dt_s: float) -> None:
@@ -153,15 +153,15 @@ class Track:
 
     def coasted_no_longer_than(self, seconds: float) -> bool:
         """Up to jitter of the period; one frame is always allowed unless none is (0 s)."""
-        if not self._coasted_frames:
+        if not self.coasted_frames:
             return True
-        period_s = self.coasted_s / self._coasted_frames
+        period_s = self.coasted_s / self.coasted_frames
         return seconds > 0.0 and (
-            self._coasted_frames == 1 or not exceeded(self.coasted_s, seconds, period_s))
+            self.coasted_frames == 1 or not exceeded(self.coasted_s, seconds, period_s))
 
     def _coast(self, dt_s: float) -> None:
         self.coasted_s += dt_s
-        self._coasted_frames += 1
+        self.coasted_frames += 1
 
     def _add_log_odds(self, log_odds: float, weight: float, dt_s: float) -> None:
         before = kept(dt_s, LOG_ODDS_MEMORY_S) * self.log_odds

@@ -189,15 +189,15 @@ class Tracker:
             far[index].travelled_log_odds = 0.0
 
     def _confirm(self) -> None:
-        for track in self._tracks:
-            if track.id == 0 and track.belief >= self._config.confirm_log_odds and (
-                    track.detected.for_at_least(self._config.confirm_s)):
-                lost = self._lost.found_again(track)
-                if lost is not None:
-                    track.id, track.age = lost.id, lost.age
-                    continue
-                track.id = self._next_id
-                self._next_id = self._next_id % MAX_ID + 1
+        confirmed = [track for track in self._tracks
+                     if track.id == 0 and track.belief >= self._config.confirm_log_odds
+                     and track.detected.for_at_least(self._config.confirm_s)]
+        for track, lost in zip(confirmed, self._lost.found_again(confirmed), strict=True):
+            if lost is not None:
+                track.id, track.age = lost.id, lost.age
+                continue
+            track.id = self._next_id
+            self._next_id = self._next_id % MAX_ID + 1
 
     def _drop_ended(self, width: int, height: int) -> None:
         tracks, self._tracks = self._tracks, []

@@ -30,7 +30,7 @@ VELOCITY_PX = 4.0
 #: baseline up to this length, seconds.
 RELIEF, RELIEF_BASELINE_S = 1.75, 0.24
 #: Differences of times are compared to so many digits, as stamps jitter.
-JITTER_DIGITS = 3
+JITTER_DIGITS = 2
 
 
 @dataclass(frozen=True)

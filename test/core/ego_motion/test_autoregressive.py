@@ -132,6 +132,29 @@ def test_frames_that_are_missing_cost_the_rule_nothing(missing: int):
     assert (np.sqrt(np.mean(np.square(errors), axis=0))[moving] < 0.6 * by_last).all()
 
 
+def test_jitter_of_the_stamps_is_no_missing_frame():
+    path = shaking(150)
+    measured, smoother = noisy(path), ParameterAutoregression(EgoMotionConfig())
+    run(smoother, measured[:100])
+    for index, share in ((100, 0.7), (101, 1.3)):
+        _, _, accepted = run(smoother, share * measured[index][None], share * DT_S)
+        assert accepted == [True]
+    errors = []
+    for index in range(102, 110):
+        errors.append(smoother.forecast(DT_S) - path[index])
+        run(smoother, measured[index][None])
+    moving = AMPLITUDES > 0
+    by_last = np.sqrt(np.mean((measured[49:-1] - path[50:]) ** 2, axis=0))[moving]
+    assert (np.sqrt(np.mean(np.square(errors), axis=0))[moving] < 0.6 * by_last).all()
+
+
+def test_another_rate_at_the_start_costs_a_frame():
+    smoother, order = ParameterAutoregression(EgoMotionConfig()), EgoMotionConfig().ar_order
+    run(smoother, noisy(shaking(1)), 0.5 * DT_S)
+    run(smoother, noisy(shaking(order)))
+    assert smoother.forecast(DT_S) is not None
+
+
 def test_a_still_camera_leaves_the_weights_bounded():
     smoother = ParameterAutoregression(EgoMotionConfig(ar_forgetting_s=5 * DT_S))
     out, covariances, accepted = run(smoother, np.zeros((2000, 6)))

@@ -44,6 +44,37 @@ def test_pictures_in_flickering_light_are_as_bright_as_the_first(step_px: int) -
         assert np.abs(seen - view).mean() < 5.0, f'{gain}, of which 0.8 is 23 grey levels darker'
 
 
+@pytest.mark.parametrize('hertz', [30.0, 29.97, 60.0, 25.0])
+@pytest.mark.parametrize('depth', [0.03, 0.05, 0.06, 0.08, 0.15])
+def test_a_lamp_on_the_mains_makes_nothing_darker_or_brighter_for_long(hertz: float, depth: float) -> None:
+    """100 Hz: small steps one way, and larger ones back, or the other way round."""
+    world = 0.8 * scene()[:, :WIDTH]
+    phases = 2.0 * np.pi * 100.0 * np.arange(240) / hertz + np.pi / 2.0
+    pictures = [lit(world, 1.0 + depth * math.cos(phase)) for phase in phases]
+    found = followed(pictures, round(1e9 / hertz))
+    off = [abs(seen.mean() / world.mean() - 1.0) for seen in found]
+    assert max(off) < 0.01 + 2.0 * depth
+    steps = [np.diff([each.mean() for each in those]) / world.mean() for those in (pictures, found)]
+    assert np.abs(steps[1]).mean() < 0.005 + 1.05 * np.abs(steps[0]).mean(), 'no less steady than the lamp'
+
+
+@pytest.mark.parametrize('gains', [(1.07, 1.14, 1.0), (0.94, 0.88, 1.0)])
+def test_small_steps_one_way_and_a_jump_back_leave_the_brightness(gains: tuple[float, ...]) -> None:
+    world = 0.8 * scene()[:, :WIDTH]
+    found = followed([lit(world, gain) for gain in gains * 60])
+    assert max(abs(seen.mean() / world.mean() - 1.0) for seen in found) < 0.16
+
+
+@pytest.mark.parametrize('step_px', [20, 30, 60])
+def test_in_a_fast_pan_under_a_lamp_nothing_adds_up(step_px: int) -> None:
+    world = np.tile(scene(), (1, 4))
+    gains = np.random.default_rng(1).choice([1.0, 0.8, 1.2], 50)
+    for index, seen in enumerate(followed([
+            lit(world[:, step_px * index:step_px * index + WIDTH], gain) for index, gain in enumerate(gains)])):
+        view = world[:, step_px * index:step_px * index + WIDTH]
+        assert 0.62 < seen.mean() / view.mean() < 1.5
+
+
 @pytest.mark.parametrize('gain', [1.0, 0.95, 1.05])
 def test_what_trackers_bear_is_left_as_it_is(gain: float) -> None:
     pictures = [lit(scene()[:, :WIDTH], each) for each in (1.0, gain)]

@@ -61,10 +61,13 @@ def test_after_over_a_second_it_is_a_new_object() -> None:
 
 
 def test_what_left_the_picture_does_not_come_back() -> None:
+    """What comes in at the same place is another object."""
     start = (WIDTH - 45.0, 200.0)
     gone = [[seen(frame, start)] for frame in range(10)]
-    back = [[seen(frame, start, step_px=(-7.0, 0.0))] for frame in range(8)]
-    assert reports([*gone, *[[]] * 4, *back])[-1]['id'].tolist() == [2]
+    at_the_edge = (WIDTH - 5.0 - 16 * PAN[0, 2], 200.0)
+    back = [[seen(frame, at_the_edge, step_px=(0.0, 0.0))] for frame in range(11, 19)]
+    found = reports([*gone, [], *back])
+    assert len(found[10]) == 0 and max(found[-1]['id']) == 2
 
 
 @pytest.mark.parametrize('forget', [Tracker.reset, lambda tracker: tracker.coast_without_frame(DT_S, WIDTH)])
@@ -75,12 +78,33 @@ def test_nothing_is_remembered_over_a_break(forget) -> None:
     assert reports([[seen(frame)] for frame in range(19, 27)], tracker)[-1]['id'].tolist() == [2]
 
 
-def test_of_two_that_were_lost_each_gets_its_own_id() -> None:
-    def both(frame: int) -> list[Candidate]:
-        return [seen(frame), seen(frame, start=(80.0, 260.0), step_px=(3.0, 1.0))]
+def beside(offsets: Sequence[float], frame: int) -> list[Candidate]:
+    return [seen(frame, start=(80.0, 200.0 + each)) for each in offsets]
 
-    before, after = [both(frame) for frame in range(10)], [both(frame)[::-1] for frame in range(22, 30)]
-    found = reports([*before, *[[]] * 12, *after])
-    ids = [sorted(zip(each['v'].tolist(), each['id'].tolist(), strict=True)) for each in (found[9], found[-1])]
-    assert [pair[1] for pair in ids[0]] == [pair[1] for pair in ids[1]]
-    assert sorted(pair[1] for pair in ids[1]) == [1, 2]
+
+@pytest.mark.parametrize('order', [1, -1])
+@pytest.mark.parametrize(('before', 'after', 'ids'), [
+    ((0.0, 30.0), (0.0, 30.0), (1, 2)), ((0.0, 30.0), (9.0, 37.0), (1, 2)), ((0.0,), (0.0, 20.0), (1, 2)),
+    ((0.0,), (11.0, 2.0), (2, 1)),
+])
+def test_of_several_the_nearest_pairs_go_on(before: tuple[float, ...], after: tuple[float, ...], ids: tuple[int, ...],
+                                            order: int) -> None:
+    frames = [beside(before, frame) for frame in range(10)] + [[]] * 12
+    found = reports([*frames, *[beside(after[::order], frame) for frame in range(22, 30)]])[-1]
+    assert dict(zip(np.argsort(np.argsort(found['v'])).tolist(), found['id'].tolist(), strict=True)) == dict(
+        zip(np.argsort(np.argsort(after)).tolist(), ids, strict=True))
+
+
+def test_what_was_seen_beside_it_is_another_object() -> None:
+    tracker = Tracker(TracksConfig(confirm_s=0.6, confirm_window_s=0.8))
+    both = [beside((0.0,), frame) for frame in range(20)] + [beside((0.0, 12.0), frame) for frame in range(20, 30)]
+    found = reports([*both, *[beside((12.0,), frame) for frame in range(30, 50)]], tracker)
+    assert found[25]['id'].tolist() == [1] and found[-1]['id'].tolist() == [2]
+
+
+@pytest.mark.parametrize('step_px', [(-3.0, 0.0), (0.0, 8.0)])
+def test_what_goes_another_way_is_another_object(step_px: tuple[float, float]) -> None:
+    place = np.array([80.0, 200.0]) + 22 * np.array([3.0, 0.0])
+    start = place - 22 * np.array(step_px)
+    after = [[seen(frame, (start[0], start[1]), step_px)] for frame in range(20, 28)]
+    assert reports(hidden(10, after))[-1]['id'].tolist() == [2]

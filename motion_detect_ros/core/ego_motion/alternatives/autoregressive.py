@@ -5,7 +5,7 @@ r_k = w1 r_(k-1) + .. + wp r_(k-p), p = ``ar_order``. The weights follow by recu
 forgetting over ``ar_forgetting_s`` (Haykin 2002, chapter 9), from the last value alone as start. The prediction
 and the measurement are averaged by their covariances; that of the prediction is measured on its last errors.
 Frames must be equidistant. Some may be missing, or tell no motion: the rates of all up to the next one are predicted
-then, one by one. Another frame rate restarts the filter.
+then, one by one. Another frame rate restarts the filter. Frames whose motion the gyroscope tells are not counted.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ MIN_SHARE = 0.05
 GUESS_KEPT, MIN_GUESS = 0.8, 1e-6
 #: Ratio of frame periods from which the filter restarts, unless it is that of up to so many periods, for once.
 MAX_PERIOD_RATIO, MAX_PERIODS = 1.5, 8
+#: Weight of a new frame period against the remembered one, as stamps jitter.
+PERIOD_WEIGHT = 0.2
 
 
 class ParameterAutoregression:
@@ -83,11 +85,11 @@ class ParameterAutoregression:
         ratio = dt_s / (periods * self._period_s) if self._period_s else 1.0
         missing = periods > 1 and self._rejected == 0
         if (not 1.0 / MAX_PERIOD_RATIO < ratio < MAX_PERIOD_RATIO or periods > MAX_PERIODS
-                or (missing and self._bridged)):
+                or (missing and (self._bridged or len(self._recent) < self._order))):
             self.reset()
             periods = 1
         if periods == 1:
-            self._period_s = dt_s
+            self._period_s += (PERIOD_WEIGHT if self._period_s else 1.0) * (dt_s - self._period_s)
         return periods
 
     def _foretold(self, periods: int) -> DoubleArray:
