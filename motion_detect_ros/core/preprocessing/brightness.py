@@ -83,7 +83,7 @@ class Brightness:
         """Logarithm of the factor that takes jumps of the exposure out of the frame; 0 where it is like none before.
 
         Jumps add up, but are undone to no more than what the exposure is away from that of the last seconds, to which
-        smaller changes count too: else what is left of a lamp's steps one way would add up, and turn all black or white.
+        smaller changes count too: else what is left of a lamp's steps one way would add up to black or white.
         """
         for each in self._earlier:
             change = _change(each.cells, cells)
