@@ -82,8 +82,8 @@ class Brightness:
     def _follow(self, cells: FloatArray, stamp_ns: int, seconds: float) -> float:
         """Logarithm of the factor that takes jumps of the exposure out of the frame; 0 where it is like none before.
 
-        Jumps add up, but are undone to no more than what the exposure is away from that of the last seconds, to which
-        smaller changes count too: else what is left of a lamp's steps one way would add up to black or white.
+        Jumps add up, but are undone to no more than a jump over what the exposure is away from that of the last
+        seconds, to which smaller changes count too: else what is left of a lamp's steps one way would add up to white.
         """
         for each in self._earlier:
             change = _change(each.cells, cells)
@@ -94,7 +94,7 @@ class Brightness:
             self._usual_level += (1.0 - kept(seconds, MEMORY_S)) * (level - self._usual_level)
             whole = self._usual_level - level
             log_gain = kept((stamp_ns - each.stamp_ns) / NANOSECONDS, MEMORY_S) * each.log_gain - jumped * ratio
-            log_gain = min(max(log_gain, min(0.0, whole)), max(0.0, whole))
+            log_gain = min(max(log_gain, min(0.0, whole) - LEAST_JUMP), max(0.0, whole) + LEAST_JUMP)
             self._earlier = [_Seen(cells, level, log_gain, stamp_ns)]
             return log_gain
         self._earlier = [_Seen(cells, self._usual_level, 0.0, stamp_ns), *self._earlier[-1:]]
