@@ -18,8 +18,8 @@ NEEDS = ('import gi; gi.require_version("Gst", "1.0"); gi.require_version("GstRt
          'assert all(Gst.ElementFactory.find(n) for n in ("jpegdec", "x264enc", "rtph264pay"))')
 PACKAGES = 'gir1.2-gst-rtsp-server-1.0 python3-gi gstreamer1.0-plugins-good gstreamer1.0-plugins-ugly'
 FPS = 10
-#: The number of a picture stands in its bottom rows: so many bits and their complements, black and white blocks of so
-#: many pixels.
+#: The number of a picture stands in its top and its bottom rows, as a decoder that has not got all of a picture leaves
+#: rows of the one before: so many bits and their complements, black and white blocks of so many pixels.
 BITS, BLOCK_PX = 10, 16
 
 
@@ -73,7 +73,8 @@ def numbered(index: int, scale: int = 1) -> np.ndarray:
     image = picture(index % 40)
     bits = [index >> bit & 1 for bit in range(BITS)]
     for place, bit in enumerate([*bits, *(1 - bit for bit in bits)]):
-        image[-BLOCK_PX:, place * BLOCK_PX:(place + 1) * BLOCK_PX] = 255 * bit
+        for rows in (slice(BLOCK_PX), slice(-BLOCK_PX, None)):
+            image[rows, place * BLOCK_PX:(place + 1) * BLOCK_PX] = 255 * bit
     return image.repeat(scale, axis=0).repeat(scale, axis=1)
 
 
@@ -81,7 +82,13 @@ def number_of(image: np.ndarray) -> int | None:
     """The number of a picture; None where a decoder that had not got everything drew it."""
     scale = image.shape[0] // picture(0).shape[0]
     image = image[scale // 2::scale, scale // 2::scale]
-    blocks = image[-BLOCK_PX + 4:-4, :2 * BITS * BLOCK_PX].reshape(BLOCK_PX - 8, 2 * BITS, BLOCK_PX, -1)
+    top, bottom = _number_in(image[:BLOCK_PX]), _number_in(image[-BLOCK_PX:])
+    return top if top == bottom else None
+
+
+def _number_in(rows: np.ndarray) -> int | None:
+    """The number that rows of a picture say, if they say one."""
+    blocks = rows[4:-4, :2 * BITS * BLOCK_PX].reshape(BLOCK_PX - 8, 2 * BITS, BLOCK_PX, -1)
     bits = blocks[:, :, 4:-4].mean(axis=(0, 2, 3)) > 127
     if (bits[:BITS] == bits[BITS:]).any():
         return None
