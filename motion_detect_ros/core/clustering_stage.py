@@ -139,6 +139,8 @@ class ClusteringStage:
             from_flow = self._last_flow.replaced(found)
             self._note()
         candidates = united(from_flow, from_points, MAX_SIDE_SHARE * frame.width)
+        if self._trajectories is not None:
+            candidates = self._trajectories.without_hard_shadows(candidates)
         records = self._tracker.step(candidates, ego.matrix, ego.dt_s, frame.width, frame.height, frame.gray)
         return bearings(records, self.camera and self.camera.resized(frame.width, frame.height))
 

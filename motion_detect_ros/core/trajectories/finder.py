@@ -14,6 +14,7 @@ from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.periods import Every
 from motion_detect_ros.core.trajectories.clusters import find_clusters
 from motion_detect_ros.core.trajectories.found_objects import ClusteredPoints, FoundObject, moved_on, objects_of
+from motion_detect_ros.core.trajectories.hard_shadows import SunSide
 from motion_detect_ros.core.trajectories.object_motion import object_motion
 from motion_detect_ros.core.trajectories.point_scoring import POINT_SCORE, PointScore
 from motion_detect_ros.core.trajectories.points import Points, PointTracker
@@ -54,6 +55,7 @@ class TrajectoryFinder:
         self._every = Every(FOUND_EVERY_S)
         self._tracker = PointTracker(config.trajectories.max_points)
         self._behind = Deferred[_Found]('trajectories')
+        self._sun = SunSide()
         self._start_anew()
 
     def use_config(self, config: PipelineConfig) -> None:
@@ -77,6 +79,7 @@ class TrajectoryFinder:
         self._points, self.objects = Points(), list[FoundObject]()
         self.found = self._anew = False
         self._standing = StandingPoints()
+        self._sun.reset()
 
     def take(self) -> None:
         """Use what was found behind the last frame, which ``candidates`` does too. Raises: what finding it raised."""
@@ -89,6 +92,7 @@ class TrajectoryFinder:
         self.take()
         if not self._frames.add(frame, ego):
             self._start_anew()
+        self._sun.after(ego.dt_s)
         self._shadows = SoftShadows(self._frames)
         before, self._points = self._points, self._tracker.track(self._frames, frame.mask)
         self.objects = moved_on(self.objects, before, self._points)
@@ -119,10 +123,15 @@ class TrajectoryFinder:
         height, width = self._frames[0].gray.shape
         return [without_shadow(each, self._shadows, scale, width, height) for each in candidates]
 
+    def without_hard_shadows(self, candidates: list[Candidate]) -> list[Candidate]:
+        """Candidates of any source, their boxes without what the scene's objects show of hard shadows."""
+        return self._sun.without_shadows(candidates)
+
     def _use(self, found: _Found) -> None:
         self._points = found.points
         if found.objects is not None and found.standing is not None:
             self.objects, self._standing, self._anew = found.objects, found.standing, True
+            self._sun.add([each.dark for each in found.objects if each.dark is not None])
 
     def _look(
         self, frames: RecentFrames, mask: BoolArray | None, shadows: SoftShadows, camera: CameraModel | None,

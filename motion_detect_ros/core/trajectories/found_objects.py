@@ -48,11 +48,12 @@ class FoundObject:
     box: PointBox
     figures: ClusterFigures
     log_odds: float
+    dark: DoubleArray | None
 
     def moved(self, cluster: Cluster, way: DoubleArray) -> FoundObject:
         """With its cluster in a later frame, its box shifted; way: (2,) pixels."""
         box = PointBox(self.box.low + way, self.box.high + way, self.box.pixels)
-        return FoundObject(cluster, box, self.figures, self.log_odds)
+        return FoundObject(cluster, box, self.figures, self.log_odds, self.dark)
 
     def candidate(self, scale: float) -> Candidate:
         """scale: working pixels per full-resolution pixel."""
@@ -92,7 +93,7 @@ def objects_of(
         return []
     there, boxes = zip(*found, strict=True)
     figures = _figures(there, [box.whole for box in boxes], known, moving)
-    objects = (FoundObject(cluster, box.solid, one, score.log_odds(one))
+    objects = (FoundObject(cluster, box.solid, one, score.log_odds(one), box.dark)
                for (cluster, box), one in zip(found, figures, strict=True))
     return [each for each in objects if each.log_odds >= score.least]
 

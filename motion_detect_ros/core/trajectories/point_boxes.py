@@ -15,6 +15,7 @@ from motion_detect_ros.core.geometry.order_statistics import median
 from motion_detect_ros.core.geometry.warp import grid_points
 from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.trajectories.clusters import Cluster
+from motion_detect_ros.core.trajectories.hard_shadows import dark_side
 from motion_detect_ros.core.trajectories.own_pixels import NearestPoints
 from motion_detect_ros.core.trajectories.points import Points
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
@@ -51,10 +52,13 @@ class PointBox:
 
 @dataclass(frozen=True)
 class FittedBox:
-    """``whole``: of all that moves with a cluster; ``solid``: without soft shadows."""
+    """``whole``: of all that moves with a cluster; ``solid``: without soft shadows; ``dark``: its ``dark_side``, if
+    that is known.
+    """
 
     whole: PointBox
     solid: PointBox
+    dark: DoubleArray | None
 
 
 class BoxFitter:
@@ -83,9 +87,12 @@ class BoxFitter:
         strong = strong_pixels(test, places, region, self._config)
         if strong is None:
             return None
-        whole, solid = outlines(strong, self._shadows.of(strong, region, speed, side_px), places, region)
-        box = _box(whole, region)
-        return FittedBox(box, _box(solid, region) if solid else box)
+        soft = self._shadows.of(strong, region, speed, side_px)
+        whole, solid = outlines(strong, soft, places, region)
+        box, dark = _box(whole, region), None
+        if self._shadows.ground_known(speed, side_px):
+            dark = dark_side(strong & ~soft, self._shadows.ratio(region))
+        return FittedBox(box, _box(solid, region) if solid else box, dark)
 
     def _pair(self, ago: int) -> tuple[ImagePair, float]:
         """Current frame and the one ``ago``, and their image noise."""

@@ -44,19 +44,34 @@ class SoftShadows:
         longer side; both in pixels of the working resolution.
         """
         shadow = np.zeros_like(own)
-        if speed_px_s * self._seconds < side_px + BEYOND_PX:
+        if not self.ground_known(speed_px_s, side_px):
             return shadow
         body = np.empty(own.shape, np.uint8)
         number = _hiding(own, self._faint, region.left, region.top, body)
         left = number - _showing(own, self._faint, region.left, region.top, cv2.dilate(body, MARGIN), shadow)
         return shadow if left >= LEAST_SHARE * number else np.zeros_like(own)
 
+    def ground_known(self, speed_px_s: float, side_px: float) -> bool:
+        """Whether an object, as in ``of``, has left the place where it was in the oldest frame."""
+        return speed_px_s * self._seconds >= side_px + BEYOND_PX
+
+    def ratio(self, region: Box) -> FloatArray:
+        """(h, w) grey values to those of the ground that was there, of a region on the image."""
+        rows, columns = (region.top + np.arange(region.height)) // 2, (region.left + np.arange(region.width)) // 2
+        ratio: FloatArray = self._ratio[np.ix_(rows, columns)]
+        return ratio
+
+    @cached_property
+    def _ratio(self) -> FloatArray:
+        """(ceil(h / 2), ceil(w / 2)) grey values to those of the ground."""
+        now, before = self._current.half, earlier_half(self._current, self._oldest)
+        ratio: FloatArray = (now + np.float32(BLACK_GRAY)) / (before + np.float32(BLACK_GRAY))
+        return ratio
+
     @cached_property
     def _faint(self) -> BoolArray:
         """(ceil(h / 2), ceil(w / 2)) where the ground shows through."""
-        now, before = self._current.half, earlier_half(self._current, self._oldest)
-        ratio: FloatArray = (now + np.float32(BLACK_GRAY)) / (before + np.float32(BLACK_GRAY))
-        faint: BoolArray = (ratio > DARKEST) & (ratio < BRIGHTEST)
+        faint: BoolArray = (self._ratio > DARKEST) & (self._ratio < BRIGHTEST)
         return faint
 
 
