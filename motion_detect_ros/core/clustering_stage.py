@@ -139,9 +139,9 @@ class ClusteringStage:
             from_flow = self._last_flow.replaced(found)
             self._note()
         candidates = united(from_flow, from_points, MAX_SIDE_SHARE * frame.width)
-        if self._trajectories is not None:
-            candidates = self._trajectories.without_hard_shadows(candidates)
         records = self._tracker.step(candidates, ego.matrix, ego.dt_s, frame.width, frame.height, frame.gray)
+        if self._trajectories is not None:
+            records = self._trajectories.without_hard_shadows(records, frame.width, frame.height)
         return bearings(records, self.camera and self.camera.resized(frame.width, frame.height))
 
     def _can_wait(self, ego: EgoMotion) -> bool:

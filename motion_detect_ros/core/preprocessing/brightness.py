@@ -30,8 +30,8 @@ MEDIAN_ERROR = math.sqrt(math.pi / 2.0)
 #: These percentiles of the grey values are at least so far apart afterwards, by a factor of this at most. On the clips
 #: that settings were made on they are 85 to 220 levels apart.
 LOW_PERCENT, HIGH_PERCENT, LEAST_RANGE, MAX_STRETCH = 5.0, 95.0, 80.0, 3.0
-#: A picture whose percentiles are closer than this, grey levels, shows nothing; one with so many times the contrast of
-#: those before it is another one, and would turn black and white.
+#: A picture whose percentiles are closer than this, grey levels, shows nothing; one with over so many times the
+#: contrast of those before it, which would turn black and white, is stretched like one with its own over this number.
 LEAST_CONTRAST, OTHER_CONTRAST = 4.0, 2.0
 #: Time constant with which what was taken out of the exposure comes back, for the light has changed for good, and of
 #: the percentiles, seconds.
@@ -101,16 +101,19 @@ class Brightness:
         return 0.0
 
     def _followed_range(self, table: DoubleArray, some: ByteArray, seconds: float) -> DoubleArray:
-        """(2,) percentiles of the grey values, by ``table``, over time; those of the frame if it shows far more."""
+        """(2,) percentiles of the grey values, by ``table``, over time, at least a share as wide as the frame's own."""
         below = np.bincount(some.ravel(), minlength=256).cumsum()
         now = table[np.searchsorted(below, below[-1] * np.array([LOW_PERCENT, HIGH_PERCENT]) / 100.0)]
         if now[1] - now[0] < LEAST_CONTRAST:
             return now if self._range is None else self._range
         if self._range is None:
             self._range = now
-        far_more = (now[1] - now[0]) / (OTHER_CONTRAST * (self._range[1] - self._range[0]))
+        least = (now[1] - now[0]) / OTHER_CONTRAST
+        far_more = least / (self._range[1] - self._range[0])
         self._range = self._range + (1.0 - kept(seconds, MEMORY_S)) / max(1.0, far_more) * (now - self._range)
-        return now if far_more > 1.0 else self._range
+        contrast = self._range[1] - self._range[0]
+        wider = (least - contrast) / (OTHER_CONTRAST * least - contrast) if least > contrast else 0.0
+        return self._range + wider * (now - self._range)
 
 
 def _change(before: FloatArray, now: FloatArray) -> tuple[float, bool] | None:

@@ -22,7 +22,7 @@ from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.trajectories.soft_shadows import SoftShadows, without_shadow
 from motion_detect_ros.core.trajectories.spare_points import spare_points
 from motion_detect_ros.core.trajectories.standing import StandingPoints
-from motion_detect_ros.core.types import BoolArray, CameraModel, EgoMotion, PreparedFrame
+from motion_detect_ros.core.types import BoolArray, CameraModel, EgoMotion, PreparedFrame, RecordArray
 
 #: Objects are found so often, seconds; in between they go where their points go. In the third frame first, so that
 #: flow measured as often, in the second frame first, comes in other frames.
@@ -123,9 +123,11 @@ class TrajectoryFinder:
         height, width = self._frames[0].gray.shape
         return [without_shadow(each, self._shadows, scale, width, height) for each in candidates]
 
-    def without_hard_shadows(self, candidates: list[Candidate]) -> list[Candidate]:
-        """Candidates of any source, their boxes without what the scene's objects show of hard shadows."""
-        return self._sun.without_shadows(candidates)
+    def without_hard_shadows(self, records: RecordArray, width: int, height: int) -> RecordArray:
+        """Reported objects of an image of ``width`` x ``height`` pixels without what the scene's objects show of hard
+        shadows.
+        """
+        return self._sun.without_shadows(records, width, height)
 
     def _use(self, found: _Found) -> None:
         self._points = found.points

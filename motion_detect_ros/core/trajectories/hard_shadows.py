@@ -1,32 +1,34 @@
 """Hard shadows: in sunlight all objects of a scene have a dark side, on the same side of them.
 
 A hard shadow is as dark as many a vehicle, so one object alone does not tell what of it is shadow; all objects of some
-seconds together do: those that are brighter than the ground show how far their shadows reach beyond them. Where the sky
-is overcast no side is the same for most.
+seconds together do: those that are brighter than the ground show how far their shadows reach beyond them. Under clouds
+no side is the same for most vehicles of a street. What is dark on the same side of all of them for another reason, as
+the trousers of people in light shirts, is taken for a shadow.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import replace
 
 import cv2
 import numpy as np
 
-from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.trajectories.soft_shadows import BRIGHTEST, DARKEST
-from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
+from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray, RecordArray
 
 #: What is narrower than this is a rim of the object or of its shadow, pixels.
 RIM = np.ones((5, 5), np.uint8)
 #: A smaller share of bright pixels says nothing; rows and columns with less than this share of those of the fullest are
 #: no part of what is bright.
 LEAST_BRIGHT, LEAST_LINE = 0.2, 0.2
-#: So long objects are remembered, seconds; so many different ones are a scene.
+#: So long objects are remembered, seconds; at least so many of one frame count.
 MEMORY_S, LEAST_OBJECTS = 2.0, 5
-#: The share of objects whose dark side may reach less far.
-EXCEPTIONS = 0.25
+#: The share of objects whose dark side may reach less far; the most of a box that may be shadow.
+EXCEPTIONS, MOST = 0.25, 1.0 / 3.0
+#: A side of a box this close to the edge of the picture is where the picture ends, pixels.
+EDGE_PX = 1.0
 
 
 def dark_side(own: BoolArray, ratio: FloatArray) -> DoubleArray | None:
@@ -72,19 +74,26 @@ class SunSide:
 
     def add(self, sides: Sequence[DoubleArray]) -> None:
         """Objects of one frame, as ``dark_side`` returns them."""
-        if sides:
+        if len(sides) >= LEAST_OBJECTS:
             self._seen.append((self._now_s, np.array(sides)))
         while self._seen and self._seen[0][0] < self._now_s - MEMORY_S:
             self._seen.popleft()
         self.share = np.zeros(2)
-        if max((len(each) for _, each in self._seen), default=0) >= LEAST_OBJECTS:
-            sides = np.concatenate([each for _, each in self._seen])
-            low, high = np.quantile(sides, (EXCEPTIONS, 1.0 - EXCEPTIONS), axis=0)
-            self.share = np.maximum(low, 0.0) + np.minimum(high, 0.0)
+        if self._seen:
+            all_sides = np.concatenate([each for _, each in self._seen])
+            low, high = np.quantile(all_sides, (EXCEPTIONS, 1.0 - EXCEPTIONS), axis=0)
+            self.share = np.clip(np.maximum(low, 0.0) + np.minimum(high, 0.0), -MOST, MOST)
 
-    def without_shadows(self, candidates: list[Candidate]) -> list[Candidate]:
-        """Their boxes without that share."""
-        if not self.share.any():
-            return candidates
-        return [replace(each, centre=each.centre - self.share * each.size / 2.0,
-                        size=each.size * (1.0 - np.abs(self.share))) for each in candidates]
+    def without_shadows(self, records: RecordArray, width: int, height: int) -> RecordArray:
+        """Reported objects of an image of ``width`` x ``height`` pixels, their boxes without that share, and as much
+        less of their area; but none of it at the edge of the image, where the shadow may be outside.
+        """
+        axes = (('u', 'width', width), ('v', 'height', height))
+        for share, (middle, side, size) in zip(self.share.tolist(), axes, strict=True):
+            low, high = records[middle] - records[side] / 2.0, records[middle] + records[side] / 2.0
+            inside = high < size - EDGE_PX if share > 0.0 else low > EDGE_PX
+            less = np.where(inside, abs(share), 0.0)
+            records[middle] -= math.copysign(1.0, share) * less * records[side] / 2.0
+            records[side] *= 1.0 - less
+            records['area'] *= 1.0 - less
+        return records

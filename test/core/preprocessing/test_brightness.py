@@ -219,6 +219,20 @@ def test_fog_that_comes_up_changes_the_contrast_slowly() -> None:
     assert spread(found[-1]) > 1.5 * spread(dull(picture, 0.3))
 
 
+@pytest.mark.parametrize('contrasts', [
+    [0.15, *[0.6] * 80], [*[0.2] * 50, *[0.6] * 80], [*[0.2] * 50, *[0.45] * 80],
+    [*[0.2] * 50, *np.linspace(0.2, 0.6, 10), *[0.6] * 80], [*[0.15] * 50, *np.linspace(0.15, 0.7, 50), *[0.7] * 80],
+], ids=['first picture', 'at once', 'to little', 'soon', 'slowly'])
+def test_fog_that_clears_makes_no_other_jump(contrasts: list[float]) -> None:
+    picture = scene()[:, :WIDTH]
+    pictures = [dull(picture, contrast) for contrast in contrasts]
+    found = followed(pictures)
+    steps, own = ([np.abs(later.astype(float) - earlier).mean() for earlier, later in pairwise(those)]
+                  for those in (found, pictures))
+    assert all(step < 3.0 * one + 2.0 for step, one in zip(steps, own, strict=True)), 'three times is the most'
+    assert all(np.isin(seen, (0, 255)).mean() < 0.01 for seen in found), 'next to nothing becomes black or white'
+
+
 def cars_found(alpha: float, beta: float, flicker: float = 0.0) -> int:
     """In 60 pictures whose grey values are changed, in each by up to ``flicker`` more."""
     random, pipeline, count = np.random.default_rng(3), MotionPipeline(load_preset('visdrone')), 0

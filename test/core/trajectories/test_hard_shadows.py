@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.trajectories.hard_shadows import SunSide, dark_side
+from motion_detect_ros.core.types import empty_detections
 from motion_detect_ros.presets import load_preset
 
 PERIOD_S, FRAMES = 0.04, 36
@@ -93,6 +93,19 @@ class TestSunSide:
             sun.after(0.1)
         assert not sun.share.any()
 
+    def test_one_object_that_is_seen_often_is_no_scene_beside_others_without_shadows(self) -> None:
+        sun = SunSide()
+        sun.add(sides(0.0, 0.0, 0.0, 0.0, 0.0))
+        for _ in range(18):
+            sun.after(0.1)
+            sun.add(sides(0.4))
+        assert not sun.share.any()
+
+    def test_two_thirds_of_a_box_stay_whatever_is_dark(self) -> None:
+        sun = SunSide()
+        sun.add(sides(0.7, 0.7, 0.7, 0.7, 0.7))
+        assert sun.share.tolist() == pytest.approx([0.0, 1.0 / 3.0])
+
     def test_is_forgotten_where_nothing_is_seen_of_it_any_more(self) -> None:
         sun = SunSide()
         sun.add(sides(0.3, 0.3, 0.3, 0.3, 0.3))
@@ -109,18 +122,35 @@ class TestSunSide:
         sun.reset()
         assert not sun.share.any()
 
-    @pytest.mark.parametrize(('share', 'low', 'high'), [
-        ((0.0, 0.25), (100.0, 200.0), (140.0, 230.0)), ((-0.25, 0.0), (110.0, 200.0), (140.0, 240.0)),
-        ((0.25, -0.5), (100.0, 220.0), (130.0, 240.0)),
+    @pytest.mark.parametrize(('share', 'low', 'high', 'area'), [
+        ((0.0, 0.25), (100.0, 200.0), (140.0, 230.0), 900.0), ((-0.25, 0.0), (110.0, 200.0), (140.0, 240.0), 900.0),
+        ((0.25, -0.3), (100.0, 212.0), (130.0, 240.0), 630.0),
     ])
-    def test_boxes_lose_that_share_on_that_side(self, share, low, high) -> None:
-        sun = SunSide()
-        sun.add([np.array(share)] * 5)
-        box = Candidate(np.array([120.0, 220.0]), np.array([40.0, 40.0]), np.array([100.0, 0.0]), 900.0, 1.0, 1)
-        (found,) = sun.without_shadows([box])
-        assert (found.centre - found.size / 2.0).tolist() == pytest.approx(low)
-        assert (found.centre + found.size / 2.0).tolist() == pytest.approx(high)
-        assert found.velocity_px_s.tolist() == [100.0, 0.0]
+    def test_boxes_lose_that_share_on_that_side(self, share, low, high, area) -> None:
+        (found,) = without(share, (100.0, 200.0), (140.0, 240.0))
+        assert (found['u'] - found['width'] / 2.0, found['v'] - found['height'] / 2.0) == pytest.approx(low)
+        assert (found['u'] + found['width'] / 2.0, found['v'] + found['height'] / 2.0) == pytest.approx(high)
+        assert found['area'] == pytest.approx(area)
+        assert found['vel_u'] == 100.0
+
+    @pytest.mark.parametrize(('share', 'low', 'high'), [
+        ((0.0, 0.25), (100.0, 440.0), (140.0, 480.0)), ((0.25, 0.0), (600.0, 200.0), (640.0, 240.0)),
+        ((0.0, -0.25), (100.0, 0.0), (140.0, 40.0)), ((-0.25, 0.0), (0.0, 200.0), (40.0, 240.0)),
+    ])
+    def test_nothing_at_the_edge_of_the_image(self, share, low, high) -> None:
+        """What reaches beyond it may be the shadow."""
+        (found,) = without(share, low, high)
+        assert (found['width'], found['height'], found['area']) == (40.0, 40.0, 1200.0)
+
+
+def without(share: tuple[float, float], low: tuple[float, float], high: tuple[float, float]) -> np.ndarray:
+    """A reported box of an image of 640 x 480 without that share."""
+    sun, records = SunSide(), empty_detections(1)
+    sun.add([np.array(share)] * 5)
+    records['u'], records['v'] = (low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0
+    records['width'], records['height'] = high[0] - low[0], high[1] - low[1]
+    records['area'], records['vel_u'] = 1200.0, 100.0
+    return sun.without_shadows(records, 640, 480)
 
 
 def texture(seed: int, height: int, width: int, low: int, high: int) -> np.ndarray:
@@ -129,41 +159,84 @@ def texture(seed: int, height: int, width: int, low: int, high: int) -> np.ndarr
     return np.kron(coarse, np.ones((4, 4), np.int64))[:height, :width].astype(np.float64)
 
 
-def bottoms(darkness: float, places: tuple[tuple[int, int], ...] = PLACES) -> dict[int, float]:
-    """How far the boxes of the last frame reach below the object's top, pixels, by its number.
+class World:
+    """Objects with shadows below them that drive to the right, and what a pipeline reports of them."""
 
-    darkness: share of the light that the shadows leave, all below their objects.
-    """
-    pipeline, found = MotionPipeline(load_preset('visdrone')), np.empty(0)
-    for index in range(FRAMES):
+    def __init__(self, darkness: float) -> None:
+        """darkness: share of the light that the shadows leave."""
+        self._darkness, self._pipeline = darkness, MotionPipeline(load_preset('visdrone'))
+        self._stamp_s, self._index = 0.0, 0
+        self._found = np.empty(0)
+
+    def drive(self, frames: int, places: tuple[tuple[int, int], ...] = PLACES, after_s: float = PERIOD_S) -> None:
+        """places: of the objects that there are; after_s: between the last frame and the first one."""
+        for number in range(frames):
+            self._stamp_s += PERIOD_S if number else after_s
+            image = np.repeat(self._picture(places)[..., None], 3, axis=2)
+            self._found = self._pipeline.process(image, round(self._stamp_s * 1e9)).detections
+            self._pipeline.wait()
+            self._index += 1
+
+    def _picture(self, places: tuple[tuple[int, int], ...]) -> np.ndarray:
         gray = texture(1, HEIGHT, WIDTH, 90, 130)
-        for number, (left, top) in enumerate(places):
-            across = slice(left + STEP_PX * index, left + STEP_PX * index + OBJECT_WIDTH)
-            gray[top + OBJECT_HEIGHT:top + OBJECT_HEIGHT + SHADOW_HEIGHT, across] *= darkness
+        for left, top in places:
+            number = PLACES.index((left, top))
+            across = slice(left + STEP_PX * self._index, left + STEP_PX * self._index + OBJECT_WIDTH)
+            gray[top + OBJECT_HEIGHT:top + OBJECT_HEIGHT + SHADOW_HEIGHT, across] *= self._darkness
             gray[top:top + OBJECT_HEIGHT, across] = texture(
                 2 + number, OBJECT_HEIGHT, OBJECT_WIDTH, *((10, 60) if number == BLACK else (150, 255)))
-        image = np.repeat(np.rint(gray).astype(np.uint8)[..., None], 3, axis=2)
-        found = pipeline.process(image, round((index + 1) * PERIOD_S * 1e9)).detections
-        pipeline.wait()
-    ends = {}
-    for number, (left, top) in enumerate(places):
-        middle = left + STEP_PX * (FRAMES - 1) + OBJECT_WIDTH / 2
-        own = found[(np.abs(found['u'] - middle) < OBJECT_WIDTH / 2) & (np.abs(found['v'] - top - 25.0) < 25.0)]
-        assert len(own) == 1, (number, found)
-        ends[number] = float(own['v'][0] + own['height'][0] / 2.0 - top)
-    return ends
+        return np.rint(gray).astype(np.uint8)
+
+    def bottoms(self, places: tuple[tuple[int, int], ...] = PLACES) -> dict[int, float]:
+        """How far the boxes of the last frame reach below the object's top, pixels, by its number; of those found."""
+        ends = {}
+        for left, top in places:
+            middle = left + STEP_PX * (self._index - 1) + OBJECT_WIDTH / 2
+            own = self._found[(np.abs(self._found['u'] - middle) < OBJECT_WIDTH / 2)
+                              & (np.abs(self._found['v'] - top - 25.0) < 25.0)]
+            if len(own) == 1:
+                ends[PLACES.index((left, top))] = float(own['v'][0] + own['height'][0] / 2.0 - top)
+        return ends
+
+
+WITH_SHADOW = OBJECT_HEIGHT + 0.7 * SHADOW_HEIGHT
 
 
 def test_boxes_in_sunlight_end_near_their_objects_black_ones_too() -> None:
-    ends = bottoms(0.3)
+    world = World(0.3)
+    world.drive(FRAMES)
+    ends = world.bottoms()
+    assert len(ends) >= 5 and BLACK in ends
     assert max(ends.values()) < OBJECT_HEIGHT + SHADOW_HEIGHT / 2.0
     assert min(ends.values()) > 0.75 * OBJECT_HEIGHT
 
 
 def test_one_object_alone_keeps_what_may_be_a_part_of_it() -> None:
     """The counterpart of the test above: without it those boxes might be short for another reason."""
-    assert min(bottoms(0.3, PLACES[:1]).values()) > OBJECT_HEIGHT + 0.7 * SHADOW_HEIGHT
+    world = World(0.3)
+    world.drive(FRAMES, PLACES[:1])
+    assert world.bottoms()[0] > WITH_SHADOW
 
 
 def test_boxes_without_shadows_lose_nothing() -> None:
-    assert min(bottoms(1.0).values()) > OBJECT_HEIGHT - 3.0
+    world = World(1.0)
+    world.drive(FRAMES)
+    ends = world.bottoms()
+    assert len(ends) >= 5
+    assert min(ends.values()) > OBJECT_HEIGHT - 3.0
+
+
+def test_what_the_others_showed_counts_for_two_seconds() -> None:
+    world = World(0.3)
+    world.drive(FRAMES)
+    world.drive(20, PLACES[:1])
+    assert world.bottoms()[0] < OBJECT_HEIGHT + SHADOW_HEIGHT / 2.0
+    world.drive(38, PLACES[:1])
+    assert world.bottoms()[0] > WITH_SHADOW
+
+
+def test_after_a_jump_of_time_it_is_another_scene() -> None:
+    world = World(0.3)
+    world.drive(FRAMES)
+    world.drive(20, PLACES[:1], after_s=30.0)
+    assert world.bottoms()[0] > WITH_SHADOW
