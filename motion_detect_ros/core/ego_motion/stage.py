@@ -55,6 +55,9 @@ class EgoMotionStage:
     def _start_at(self, frame: PreparedFrame | None) -> None:
         """Forget all motion; the next one is that from ``frame``."""
         self._previous, self._passed_over = frame, None
+        self._forget()
+
+    def _forget(self) -> None:
         self._filter.reset()
         self._relative_pose.reset()
 
@@ -91,15 +94,18 @@ class EgoMotionStage:
             self._start_at(starts[0])
         ego = self._between(starts[0], frame)
         if len(starts) > 1 and ego.status in (EgoStatus.LOW_TEXTURE, EgoStatus.DEGENERATE):
-            self._start_at(starts[0])
-            ego = self._between(starts[1], frame)
+            cut = self._between(starts[1], frame, anew=True)
+            ego = cut if cut.ok else ego
         self._previous, self._passed_over = (frame, None) if ego.ok else (starts[0], frame)
         return ego
 
-    def _between(self, previous: PreparedFrame, frame: PreparedFrame) -> EgoMotion:
+    def _between(self, previous: PreparedFrame, frame: PreparedFrame, *, anew: bool = False) -> EgoMotion:
+        """anew: if there is a motion between them, forget all before."""
         previous = at_resolution_of(previous, frame)
         prior = self._gyro.between(previous, frame, self.camera)
         measured = self._measured(previous, frame, prior)
+        if anew and measured.fit is not None:
+            self._forget()
         ego = self._planar(measured, prior, previous, frame)
         return replace(ego, camera=self._camera_motion(measured, frame)) if self._config.relative_pose else ego
 

@@ -187,6 +187,21 @@ def test_damaged_pictures_cost_only_themselves(damage, wrong: list[int], smoothi
             last = index
 
 
+@pytest.mark.parametrize('smoothing', ['kalman', 'autoregressive'])
+@pytest.mark.parametrize('count', [1, 2, 4])
+def test_damaged_pictures_do_not_make_the_filter_forget(monkeypatch, count: int, smoothing: str):
+    """Nor does the second of them, which is compared with the first one, too: there may have been a cut."""
+    pictures, forgotten = passing(14, world(11)), []
+    for index in range(6, 6 + count):
+        pictures[index] = DAMAGED['grey'](pictures[index])
+    forget = EgoMotionStage._forget
+    monkeypatch.setattr(EgoMotionStage, '_forget', lambda self: (forgotten.append(1), forget(self))[1])
+    assert [each.ok for each in of_each(pictures, smoothing=smoothing)].count(False) == 1 + count
+    assert len(forgotten) == 1, 'at the start'
+    assert len(of_each(passing(5, world(11)) + passing(5, world(31)), smoothing=smoothing)) == 10
+    assert len(forgotten) == 3, 'at the next start, and at a cut'
+
+
 def test_after_a_cut_the_motion_is_that_of_the_new_scene_from_its_second_picture_on():
     found = of_each(passing(5, world(11)) + passing(5, world(31)))
     assert [each.ok for each in found] == [False, True, True, True, True, False, True, True, True, True]

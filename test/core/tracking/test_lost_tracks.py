@@ -60,14 +60,17 @@ def test_after_over_a_second_it_is_a_new_object() -> None:
     assert found[-1]['id'].tolist() == [2]
 
 
-def test_what_left_the_picture_does_not_come_back() -> None:
-    """What comes in at the same place is another object."""
-    start = (WIDTH - 45.0, 200.0)
-    gone = [[seen(frame, start)] for frame in range(10)]
-    at_the_edge = (WIDTH - 5.0 - 16 * PAN[0, 2], 200.0)
-    back = [[seen(frame, at_the_edge, step_px=(0.0, 0.0))] for frame in range(11, 19)]
-    found = reports([*gone, [], *back])
-    assert len(found[10]) == 0 and max(found[-1]['id']) == 2
+@pytest.mark.parametrize(('away_px', 'back_px', 'number'), [(10.0, -20.0, 2), (0.0, 0.0, 1)], ids=['left', 'hidden'])
+def test_what_left_the_picture_does_not_come_back(away_px: float, back_px: float, number: int) -> None:
+    """Even where the camera turns back and something is where it would be, and as fast."""
+    tracker, x, found = Tracker(TracksConfig()), 500.0, []
+    for frame, pan_px in enumerate([2.0] * 11 + [away_px] * 8 + [back_px] * 8 + [-3.0] * 8):
+        x += pan_px + 3.0
+        matrix = np.array([[1.0, 0.0, pan_px], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+        one = Candidate(np.array([x, 200.0]), np.array([40.0, 20.0]), np.array([3.0 / DT_S, 0.0]), 300.0, 3.0, 1)
+        found.append(tracker.step([] if 10 < frame < 27 else [one], matrix, DT_S, WIDTH, HEIGHT))
+    assert found[10]['id'].tolist() == [1]
+    assert found[-1]['id'].tolist() == [number]
 
 
 @pytest.mark.parametrize('forget', [Tracker.reset, lambda tracker: tracker.coast_without_frame(DT_S, WIDTH)])
@@ -97,9 +100,17 @@ def test_of_several_the_nearest_pairs_go_on(before: tuple[float, ...], after: tu
 
 def test_what_was_seen_beside_it_is_another_object() -> None:
     tracker = Tracker(TracksConfig(confirm_s=0.6, confirm_window_s=0.8))
-    both = [beside((0.0,), frame) for frame in range(20)] + [beside((0.0, 12.0), frame) for frame in range(20, 30)]
-    found = reports([*both, *[beside((12.0,), frame) for frame in range(30, 50)]], tracker)
+    both = [beside((0.0,), frame) for frame in range(20)] + [beside((0.0, 9.0), frame) for frame in range(20, 30)]
+    found = reports([*both, *[beside((9.0,), frame) for frame in range(30, 50)]], tracker)
     assert found[25]['id'].tolist() == [1] and found[-1]['id'].tolist() == [2]
+
+
+def test_an_id_goes_to_one_object_only() -> None:
+    """A second one appears where the first might have come back, too, had it not."""
+    first = [beside((0.0,), frame) for frame in range(22, 28)]
+    both = [beside((0.0, 9.0), frame) for frame in range(28, 38)]
+    found = reports([*[beside((0.0,), frame) for frame in range(10)], *[[]] * 12, *first, *both])
+    assert found[27]['id'].tolist() == [1] and sorted(found[-1]['id']) == [1, 2]
 
 
 @pytest.mark.parametrize('step_px', [(-3.0, 0.0), (0.0, 8.0)])
