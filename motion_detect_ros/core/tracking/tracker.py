@@ -69,7 +69,7 @@ class Tracker:
         """One frame of ``width`` x ``height`` pixels: predict, assign, update.
 
         matrix: (3, 3) previous pixel -> current pixel; dt_s: time between them, seconds, of which no more than the last
-        one speaks for what is new, as it was not seen before; gray: (h, w) uint8, the frame
+        one, if there was one, speaks for what is new, as it was not seen before; gray: (h, w) uint8, the frame
         at working resolution, for the appearance models. Returns the confirmed objects
         (``DETECTION_DTYPE``), boxes cut to the image; a track ends when its centre leaves the image.
         """

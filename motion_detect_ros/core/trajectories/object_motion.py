@@ -29,8 +29,8 @@ VELOCITY_PX = 4.0
 #: A scene is in relief where residuals along the epipolar lines are so much longer than across, over the longest
 #: baseline up to this length, seconds.
 RELIEF, RELIEF_BASELINE_S = 1.75, 0.24
-#: Differences of times are compared to so many digits, as stamps jitter.
-JITTER_DIGITS = 2
+#: Stamps jitter: times that differ by less are alike, seconds.
+JITTER_S = 0.01
 
 
 @dataclass(frozen=True)
@@ -108,14 +108,16 @@ def _relief(baselines: list[Baseline]) -> list[EpipolarParts | None]:
 
 
 def _halves(seconds: DoubleArray) -> npt.NDArray[np.intp]:
-    """(B,) index of the baseline closest to half of each, of the shorter ones; -1 for the last one, which has none.
+    """(B,) index of the baseline closest to half of each, of the shorter ones, the longest of several as close; -1 for
+    the last one, which has none.
 
     seconds: (B,) descending.
     """
-    count = len(seconds)
-    return np.array([min(range(index + 1, count), default=-1,
-                         key=lambda other: round(abs(seconds[other] - seconds[index] / 2.0), JITTER_DIGITS))
-                     for index in range(count)], np.intp)
+    halves = np.full(len(seconds), -1, np.intp)
+    for index in range(len(seconds) - 1):
+        off = np.abs(seconds[index + 1:] - seconds[index] / 2.0)
+        halves[index] = index + 1 + np.argmax(off < off.min() + JITTER_S)
+    return halves
 
 
 @kernel()

@@ -1,7 +1,7 @@
 """What hardly differs from the ground that was there before: soft shadows, and what is smeared around an object.
 
 They move as the object does, so no motion tells them from it; the ground shows through them. Hard shadows are as dark
-as many vehicles and stay.
+as many vehicles: see ``hard_shadows``.
 """
 
 from __future__ import annotations

@@ -73,8 +73,17 @@ def test_evidence_and_least_speed_are_those_of_any_baseline() -> None:
 def test_the_half_of_a_baseline_is_the_shorter_one_closest_to_it() -> None:
     assert object_motion._halves(SECONDS).tolist() == [*HALVES, -1]
     assert object_motion._halves(SECONDS[:0]).tolist() == []
-    jitter = np.array([0.0, 1e-9, -1e-9, 1e-9, -1e-9])
-    assert object_motion._halves(SECONDS + jitter).tolist() == object_motion._halves(SECONDS - jitter).tolist()
+
+
+@pytest.mark.parametrize('hertz', [10.0, 12.5, 18.0, 25.0, 30.0, 50.0])
+@pytest.mark.parametrize('jitter_s', [1e-9, 5e-4, 2e-3])
+def test_a_jitter_of_the_stamps_does_not_choose_another_half(hertz: float, jitter_s: float) -> None:
+    """Every baseline is a number of frames long; stamps come so much too early or late."""
+    random = np.random.default_rng(0)
+    exact = np.array(sorted({round(each * hertz) for each in SECONDS}, reverse=True)) / hertz
+    expected = object_motion._halves(exact).tolist()
+    for _ in range(60):
+        assert object_motion._halves(exact + random.uniform(-jitter_s, jitter_s, len(exact))).tolist() == expected
 
 
 def ego(matrix: np.ndarray, index: int) -> EgoMotion:
