@@ -17,7 +17,7 @@ from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.trajectories.changes import earlier_half
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
-from motion_detect_ros.core.types import BoolArray, FloatArray
+from motion_detect_ros.core.types import BoolArray, ByteArray, FloatArray
 
 #: Ratio of the grey values of soft shadows to those of the ground; added to both, grey levels: dark ones are noisy.
 DARKEST, BRIGHTEST, BLACK_GRAY = 0.74, 1.05, 4.0
@@ -58,20 +58,19 @@ class SoftShadows:
     def ratio(self, region: Box) -> FloatArray:
         """(h, w) grey values to those of the ground that was there, of a region on the image."""
         rows, columns = (region.top + np.arange(region.height)) // 2, (region.left + np.arange(region.width)) // 2
-        ratio: FloatArray = self._ratio[np.ix_(rows, columns)]
-        return ratio
+        places = np.ix_(rows, columns)
+        return _ratio(self._current.half[places], self._ground[places])
 
     @cached_property
-    def _ratio(self) -> FloatArray:
-        """(ceil(h / 2), ceil(w / 2)) grey values to those of the ground."""
-        now, before = self._current.half, earlier_half(self._current, self._oldest)
-        ratio: FloatArray = (now + np.float32(BLACK_GRAY)) / (before + np.float32(BLACK_GRAY))
-        return ratio
+    def _ground(self) -> ByteArray:
+        """(ceil(h / 2), ceil(w / 2)) what the oldest frame shows."""
+        return earlier_half(self._current, self._oldest)
 
     @cached_property
     def _faint(self) -> BoolArray:
         """(ceil(h / 2), ceil(w / 2)) where the ground shows through."""
-        faint: BoolArray = (self._ratio > DARKEST) & (self._ratio < BRIGHTEST)
+        ratio = _ratio(self._current.half, self._ground)
+        faint: BoolArray = (ratio > DARKEST) & (ratio < BRIGHTEST)
         return faint
 
 
@@ -91,6 +90,11 @@ def without_shadow(candidate: Candidate, shadows: SoftShadows, scale: float, wid
     low = np.maximum(low, [region.left + columns[0], region.top + rows[0]]) / scale
     high = np.minimum(high, [region.left + columns[-1] + 1, region.top + rows[-1] + 1]) / scale
     return replace(candidate, centre=(low + high) / 2.0, size=high - low)
+
+
+def _ratio(now: ByteArray, before: ByteArray) -> FloatArray:
+    ratio: FloatArray = (now + np.float32(BLACK_GRAY)) / (before + np.float32(BLACK_GRAY))
+    return ratio
 
 
 @kernel()
