@@ -25,6 +25,12 @@ def world(seed: int, height: int = HEIGHT + 320, width: int = WIDTH + 320) -> np
     return cv2.normalize(picture, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
 
 
+def blocks(seed: int, height: int, width: int, low: int, high: int) -> np.ndarray:
+    """Texture of 4 x 4 pixels, grey values from low to below high, as float64."""
+    coarse = np.random.default_rng(seed).integers(low, high, (height // 4 + 1, width // 4 + 1), dtype=np.int64)
+    return np.kron(coarse, np.ones((4, 4), np.int64))[:height, :width].astype(np.float64)
+
+
 def view(texture: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """What the camera sees after the background moved by ``matrix`` (previous pixel -> current pixel)."""
     offset = np.array([[1, 0, -160], [0, 1, -160], [0, 0, 1]], float)  # world -> previous view

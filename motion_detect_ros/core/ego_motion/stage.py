@@ -104,7 +104,7 @@ class EgoMotionStage:
         previous = at_resolution_of(previous, frame)
         prior = self._gyro.between(previous, frame, self.camera)
         measured = self._measured(previous, frame, prior)
-        if anew and measured.fit is not None:
+        if anew and (measured.fit is not None or prior is not None):
             self._forget()
         ego = self._planar(measured, prior, previous, frame)
         return replace(ego, camera=self._camera_motion(measured, frame)) if self._config.relative_pose else ego

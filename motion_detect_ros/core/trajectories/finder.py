@@ -92,7 +92,6 @@ class TrajectoryFinder:
         self.take()
         if not self._frames.add(frame, ego):
             self._start_anew()
-        self._sun.after(ego.dt_s)
         self._shadows = SoftShadows(self._frames)
         before, self._points = self._points, self._tracker.track(self._frames, frame.mask)
         self.objects = moved_on(self.objects, before, self._points)
@@ -133,7 +132,7 @@ class TrajectoryFinder:
         self._points = found.points
         if found.objects is not None and found.standing is not None:
             self.objects, self._standing, self._anew = found.objects, found.standing, True
-            self._sun.add([each.dark for each in found.objects if each.dark is not None])
+            self._sun.add([each.dark for each in found.objects if each.dark is not None], self._frames[0].stamp_ns)
 
     def _look(
         self, frames: RecentFrames, mask: BoolArray | None, shadows: SoftShadows, camera: CameraModel | None,

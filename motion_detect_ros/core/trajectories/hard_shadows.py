@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from motion_detect_ros.core.trajectories.soft_shadows import BRIGHTEST, DARKEST
-from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray, RecordArray
+from motion_detect_ros.core.types import NANOSECONDS, BoolArray, DoubleArray, FloatArray, RecordArray
 
 #: What is narrower than this is a rim of the object or of its shadow, pixels.
 RIM = np.ones((5, 5), np.uint8)
@@ -64,19 +64,14 @@ class SunSide:
 
     def reset(self) -> None:
         """Another scene."""
-        self._seen = deque[tuple[float, DoubleArray]]()
-        self._now_s = 0.0
+        self._seen = deque[tuple[int, DoubleArray]]()
         self.share = np.zeros(2)
 
-    def after(self, dt_s: float) -> None:
-        """dt_s: since the last frame, seconds."""
-        self._now_s += dt_s
-
-    def add(self, sides: Sequence[DoubleArray]) -> None:
-        """Objects of one frame, as ``dark_side`` returns them."""
+    def add(self, sides: Sequence[DoubleArray], stamp_ns: int) -> None:
+        """Objects of one frame, as ``dark_side`` returns them, and its stamp."""
         if len(sides) >= LEAST_OBJECTS:
-            self._seen.append((self._now_s, np.array(sides)))
-        while self._seen and self._seen[0][0] < self._now_s - MEMORY_S:
+            self._seen.append((stamp_ns, np.array(sides)))
+        while self._seen and self._seen[0][0] < stamp_ns - MEMORY_S * NANOSECONDS:
             self._seen.popleft()
         self.share = np.zeros(2)
         if self._seen:

@@ -130,6 +130,23 @@ def test_pictures_that_show_nothing_get_the_gyroscope_s_homography(fast):
         assert ego.prev_stamp_ns == ego.stamp_ns - PERIOD_NS
 
 
+def test_rates_since_a_damaged_picture_start_anew_from_it(monkeypatch, fast):
+    """They do not tell what was before, so that the filter would add up motions with a gap between them."""
+    speed, _, pictures = fast
+    config, forgotten, forget = config_for(ImuConfig(use=True)), [], EgoMotionStage._forget
+    monkeypatch.setattr(EgoMotionStage, '_forget', lambda self: (forgotten.append(1), forget(self))[1])
+    stage, prepare = EgoMotionStage(config, CAMERA), Preprocessor(config.preprocessing)
+    blank, estimates = np.full((HEIGHT, WIDTH), 90, np.uint8), []
+    for index, picture in enumerate([pictures[0], *[blank] * 9]):
+        if index == 9:
+            for sample_ns in range(8 * PERIOD_NS - SAMPLE_NS, 9 * PERIOD_NS + SAMPLE_NS + 1, SAMPLE_NS):
+                stage.add_gyro(sample_ns, rates(sample_ns * 1e-9, speed))
+        estimates.append(stage.process(prepare.process(picture, index * PERIOD_NS)))
+    assert [each.ok for each in estimates] == 9 * [False] + [True]
+    assert estimates[-1].prev_stamp_ns == 8 * PERIOD_NS
+    assert len(forgotten) == 2, 'at the start, and there'
+
+
 def test_its_covariance_is_the_spread_of_noisy_rates():
     """300 recordings with a constant error of the rate: squared Mahalanobis distances average to three degrees."""
     config = ImuConfig(use=True, noise_rad_s=0.02)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from warps import blocks
 
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.trajectories.hard_shadows import SunSide, dark_side
@@ -73,52 +74,48 @@ def sides(*bottom: float) -> list[np.ndarray]:
 class TestSunSide:
     def test_three_quarters_of_the_objects_have_that_share_in_the_dark(self) -> None:
         sun = SunSide()
-        sun.add(sides(-0.3, 0.2, 0.3, 0.4, 0.5))
+        sun.add(sides(-0.3, 0.2, 0.3, 0.4, 0.5), 0)
         assert sun.share.tolist() == [0.0, 0.2]
 
     def test_at_the_top_and_on_the_left_it_is_negative(self) -> None:
         sun = SunSide()
-        sun.add([-each[::-1] for each in sides(-0.3, 0.2, 0.3, 0.4, 0.5)])
+        sun.add([-each[::-1] for each in sides(-0.3, 0.2, 0.3, 0.4, 0.5)], 0)
         assert sun.share.tolist() == [-0.2, 0.0]
 
     def test_objects_that_differ_have_no_common_side(self) -> None:
         sun = SunSide()
-        sun.add(sides(-0.3, -0.2, 0.0, 0.2, 0.3, 0.4))
+        sun.add(sides(-0.3, -0.2, 0.0, 0.2, 0.3, 0.4), 0)
         assert sun.share.tolist() == [0.0, 0.0]
 
     def test_few_objects_are_no_scene_however_often_they_are_seen(self) -> None:
         sun = SunSide()
-        for _ in range(5):
-            sun.add(sides(0.3, 0.3, 0.3, 0.3))
-            sun.after(0.1)
+        for number in range(5):
+            sun.add(sides(0.3, 0.3, 0.3, 0.3), number * 100_000_000)
         assert not sun.share.any()
 
     def test_one_object_that_is_seen_often_is_no_scene_beside_others_without_shadows(self) -> None:
         sun = SunSide()
-        sun.add(sides(0.0, 0.0, 0.0, 0.0, 0.0))
-        for _ in range(18):
-            sun.after(0.1)
-            sun.add(sides(0.4))
+        sun.add(sides(0.0, 0.0, 0.0, 0.0, 0.0), 0)
+        for number in range(1, 19):
+            sun.add(sides(0.4), number * 100_000_000)
         assert not sun.share.any()
 
     def test_two_thirds_of_a_box_stay_whatever_is_dark(self) -> None:
         sun = SunSide()
-        sun.add(sides(0.7, 0.7, 0.7, 0.7, 0.7))
+        sun.add(sides(0.7, 0.7, 0.7, 0.7, 0.7), 0)
         assert sun.share.tolist() == pytest.approx([0.0, 1.0 / 3.0])
 
     def test_is_forgotten_where_nothing_is_seen_of_it_any_more(self) -> None:
         sun = SunSide()
-        sun.add(sides(0.3, 0.3, 0.3, 0.3, 0.3))
-        sun.after(1.9)
-        sun.add([])
+        sun.add(sides(0.3, 0.3, 0.3, 0.3, 0.3), 0)
+        sun.add([], 1_900_000_000)
         assert sun.share[1] == pytest.approx(0.3)
-        sun.after(0.2)
-        sun.add([])
+        sun.add([], 2_100_000_000)
         assert not sun.share.any()
 
     def test_another_scene_has_its_own(self) -> None:
         sun = SunSide()
-        sun.add(sides(0.3, 0.3, 0.3, 0.3, 0.3))
+        sun.add(sides(0.3, 0.3, 0.3, 0.3, 0.3), 0)
         sun.reset()
         assert not sun.share.any()
 
@@ -146,17 +143,11 @@ class TestSunSide:
 def without(share: tuple[float, float], low: tuple[float, float], high: tuple[float, float]) -> np.ndarray:
     """A reported box of an image of 640 x 480 without that share."""
     sun, records = SunSide(), empty_detections(1)
-    sun.add([np.array(share)] * 5)
+    sun.add([np.array(share)] * 5, 0)
     records['u'], records['v'] = (low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0
     records['width'], records['height'] = high[0] - low[0], high[1] - low[1]
     records['area'], records['vel_u'] = 1200.0, 100.0
     return sun.without_shadows(records, 640, 480)
-
-
-def texture(seed: int, height: int, width: int, low: int, high: int) -> np.ndarray:
-    """Of 4 x 4 pixels."""
-    coarse = np.random.default_rng(seed).integers(low, high, (height // 4 + 1, width // 4 + 1), dtype=np.int64)
-    return np.kron(coarse, np.ones((4, 4), np.int64))[:height, :width].astype(np.float64)
 
 
 class World:
@@ -178,12 +169,12 @@ class World:
             self._index += 1
 
     def _picture(self, places: tuple[tuple[int, int], ...]) -> np.ndarray:
-        gray = texture(1, HEIGHT, WIDTH, 90, 130)
+        gray = blocks(1, HEIGHT, WIDTH, 90, 130)
         for left, top in places:
             number = PLACES.index((left, top))
             across = slice(left + STEP_PX * self._index, left + STEP_PX * self._index + OBJECT_WIDTH)
             gray[top + OBJECT_HEIGHT:top + OBJECT_HEIGHT + SHADOW_HEIGHT, across] *= self._darkness
-            gray[top:top + OBJECT_HEIGHT, across] = texture(
+            gray[top:top + OBJECT_HEIGHT, across] = blocks(
                 2 + number, OBJECT_HEIGHT, OBJECT_WIDTH, *((10, 60) if number == BLACK else (150, 255)))
         return np.rint(gray).astype(np.uint8)
 

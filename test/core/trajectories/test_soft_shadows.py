@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from warps import blocks
 
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.geometry.boxes import Box
@@ -20,12 +21,6 @@ CAMERA = CameraModel(WIDTH, HEIGHT, 480.0, 480.0, WIDTH / 2.0, HEIGHT / 2.0)
 OBJECT, SHADOW, REGION = Box(260, 100, 300, 124), Box(260, 124, 300, 140), Box(250, 90, 310, 150)
 
 
-def smooth(seed: int, height: int, width: int, low: int, high: int) -> np.ndarray:
-    """Texture of 4 x 4 pixels."""
-    coarse = np.random.default_rng(seed).integers(low, high, (height // 4 + 1, width // 4 + 1), dtype=np.int64)
-    return np.kron(coarse, np.ones((4, 4), np.int64))[:height, :width].astype(np.float64)
-
-
 def scene(
     ago: int, speed: float = 4.0, darkness: float = 0.85, light: float = 1.0, body: tuple[int, int] = (160, 255),
     ground: tuple[int, int] = (80, 120),
@@ -34,10 +29,10 @@ def scene(
 
     darkness: share of the light that the shadow leaves; light: of the last frame.
     """
-    gray = smooth(1, HEIGHT, WIDTH, *ground)
+    gray = blocks(1, HEIGHT, WIDTH, *ground)
     way = round(speed * ago)
     gray[SHADOW.top:SHADOW.bottom, SHADOW.left - way:SHADOW.right - way] *= darkness
-    gray[OBJECT.top:OBJECT.bottom, OBJECT.left - way:OBJECT.right - way] = smooth(
+    gray[OBJECT.top:OBJECT.bottom, OBJECT.left - way:OBJECT.right - way] = blocks(
         2, OBJECT.height, OBJECT.width, *body)
     return np.clip(np.rint(gray * (light if ago == 0 else 1.0)), 0, 255).astype(np.uint8)
 
