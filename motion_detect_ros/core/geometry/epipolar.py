@@ -70,16 +70,6 @@ class EpipolarLines:
         inverse: DoubleArray = s * self.depth / np.maximum(1.0 - s * self.direction_z, 1e-3)
         return inverse
 
-    def from_inverse_depth(self, inverse: DoubleArray) -> DoubleArray:
-        """The s of a point of known inverse depth."""
-        s: DoubleArray = inverse / np.maximum(self.depth + inverse * self.direction_z, 1e-6)
-        return s
-
-    def at(self, s: DoubleArray) -> DoubleArray:
-        """(..., 2) the point on each line at ``s``."""
-        place: DoubleArray = self.far + s[..., None] * self.towards
-        return place
-
 
 def normalised(points: FloatArray, camera: CameraModel) -> DoubleArray:
     """(..., 2) pixels -> coordinates on the image plane at distance one."""

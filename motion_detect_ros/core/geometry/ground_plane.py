@@ -30,14 +30,9 @@ class GroundPlane:
 
     coefficients: DoubleArray
 
-    def least_inverse_depth(self, points: DoubleArray) -> DoubleArray:
-        """(...,) inverse depth that a static point seen at ``points`` (..., 2) cannot fall below; 0 = infinity."""
-        least: DoubleArray = np.maximum(0.0, points @ self.limit[:2] + self.limit[2])
-        return least
-
     @property
     def limit(self) -> DoubleArray:
-        """(3,) a plane like ``coefficients`` that real ground does not fall below."""
+        """(3,) a plane like ``coefficients`` that real ground does not fall below; nor does it below 0, infinity."""
         g: DoubleArray = self.coefficients * (1.0 - DEPTH_SLACK)
         g[2] -= TILT_SLACK_RAD * math.hypot(*self.coefficients[:2])
         return g

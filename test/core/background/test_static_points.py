@@ -82,7 +82,7 @@ def test_wrong_focal_length_still_works():
 
 @pytest.mark.parametrize('ground', [None, GroundPlane(np.array([0.01, 0.9, 0.002]))], ids=['no ground', 'ground'])
 def test_closest_static_points_are_those_of_the_epipolar_lines(ground: GroundPlane | None):
-    """Also behind the camera, and where something is unknown; against ``EpipolarLines`` and ``GroundPlane``."""
+    """Also behind the camera, and where something is unknown; against ``EpipolarLines`` and the camera's geometry."""
     field = _street(OWN['drives ahead'], noise_px=3.0).reshape(-1, 2)
     field[::7] = np.nan
     residual = field - np.float32(2.0)
@@ -100,10 +100,12 @@ def test_closest_static_points_are_those_of_the_epipolar_lines(ground: GroundPla
     np.testing.assert_allclose(inverse_depth, lines.inverse_depth(s), rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(reach_px, np.linalg.norm(lines.towards, axis=1) * 500.0, rtol=1e-9)
 
-    least = np.zeros(len(now)) if ground is None else ground.least_inverse_depth(earlier)
-    off = (now - lines.at(np.maximum(s, lines.from_inverse_depth(least)))) * [500.0, 400.0]
-    still, own = np.empty_like(field), np.empty(len(now))
     limit = np.zeros(3) if ground is None else ground.limit
+    rays = np.column_stack([earlier, np.ones(len(earlier))])
+    inverse = np.maximum(lines.inverse_depth(s), np.maximum(0.0, rays @ limit))
+    seen = rays @ pose.rotation.T + inverse[:, None] * pose.direction
+    off = (now - seen[:, :2] / seen[:, 2:]) * [500.0, 400.0]
+    still, own = np.empty_like(field), np.empty(len(now))
     count = static_points._closest_static(
         earlier, now, position, limit, pose.rotation, pose.direction, 500.0, 400.0, residual, still, own)
     np.testing.assert_allclose(still, residual - off, rtol=1e-5, atol=1e-4)

@@ -25,17 +25,6 @@ def test_plane_is_found_under_obstacles_and_noise():
     assert np.allclose(ground.coefficients, true, atol=[0.003, 0.006, 0.001])
 
 
-def test_least_inverse_depth_is_below_the_plane_and_never_negative():
-    random = np.random.default_rng(2)
-    points = _points(random)
-    ground = fit_ground(points, points[:, 1] * 0.5, np.full(len(points), 0.003))
-    low = np.array([[0.0, 0.3], [0.2, 0.1], [0.0, -0.2]])
-    least = ground.least_inverse_depth(low)
-    assert np.all(least[:2] < low[:2, 1] * 0.5)
-    assert np.all(least[:2] > low[:2, 1] * 0.5 * 0.7)
-    assert least[2] == 0.0
-
-
 def test_points_agree_up_to_two_deviations():
     random = np.random.default_rng(6)
     rows, plane = random.normal(size=(500, 3)), np.array([0.02, 0.5, 0.01])
