@@ -78,7 +78,7 @@ at most (26: 17 MB), the paths of the points (2.7 MB), a mask and a buffer of th
 50 frames as after 110; without points 17 grey images at most. Within a frame come at most 10 MB on top, 19 grey images
 (`test/core/test_memory.py` bounds what is held, and lets a frame make 30).''',
     'soak': '''`python -m motion_detect_ros.benchmarks.soak --minutes 30 -o out/soak` and the same with `--real --preset
-visdrone -o out/soak_real` (beside benchmarks and tests, so that much was dropped), put here by `bench --soak
+visdrone -o out/soak_real` (beside calculations of idle priority), put here by `bench --soak
 out/soak/summary.json out/soak_real/summary.json`: `pipeline` under a steady stream of 960x540 at 20 Hz, of a real clip
 in a loop of 120 pictures. Memory after the first quarter and at the end; dropped: by the node, as its diagnostics
 count; lost: in transport.''',

@@ -14,8 +14,9 @@ from motion_detect_ros.core.geometry.order_statistics import median
 from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import FloatArray
 
-#: Margin around an object in which the share of known flow is measured, cells.
-AROUND_CELLS = 4
+#: Margin around an object in which the share of known flow is measured, cells: wider than what even fast objects
+#: uncover from frame to frame, which says nothing against them.
+AROUND_CELLS = 12
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,8 @@
 A logistic regression (Cox 1958) of "this candidate is a moving object" on four figures: area of its foreground, speed
 in units of the flow's noise, and share of the flow in and around its box that passed the forward-backward check. The
 coefficients were fitted over the candidates of the real clips in docs/accuracy.md, every clip with equal weight, the
-intercept then lowered until false boxes were rare; docs/accuracy.md says how they change when one clip is left out.
+intercept then lowered until false boxes were rare; docs/accuracy.md says how they change when one clip is left out, and
+why flow is asked for so far around a candidate.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import math
 
 #: Image width of the fit; areas are scaled to it.
 FITTED_WIDTH_PX = 960
-INTERCEPT = -24.5
+INTERCEPT = -25.4
 PER_LOG_PIXELS = 1.9
 PER_LOG_SIGMAS = 1.25
 PER_KNOWN_SHARE = 5.5

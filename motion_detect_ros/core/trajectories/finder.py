@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -21,7 +21,7 @@ from motion_detect_ros.core.trajectories.points import Points, PointTracker
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.trajectories.soft_shadows import SoftShadows, without_shadow
 from motion_detect_ros.core.trajectories.spare_points import spare_points
-from motion_detect_ros.core.trajectories.standing import StandingPoints
+from motion_detect_ros.core.trajectories.standing import NOT_DENIED_LOG_ODDS, StandingPoints
 from motion_detect_ros.core.types import BoolArray, CameraModel, EgoMotion, PreparedFrame, RecordArray
 
 #: Objects are found so often, seconds; in between they go where their points go. In the third frame first, so that
@@ -107,12 +107,14 @@ class TrajectoryFinder:
         return [each.candidate(frame.scale) for each in self.objects]
 
     def without_standing(self, candidates: Sequence[Candidate], scale: float) -> list[Candidate]:
-        """Candidates of flow in the frame of the last ``candidates`` less those where the points stand still.
+        """Candidates of flow in the frame of the last ``candidates`` less those where the points stand still, which is
+        evidence for the others.
 
         scale: working pixels per full-resolution pixel.
         """
         denied = self._standing.denied(candidates, self._points, scale)
-        return [each for each, still in zip(candidates, denied, strict=True) if not still]
+        return [replace(each, log_odds=each.log_odds + NOT_DENIED_LOG_ODDS)
+                for each, still in zip(candidates, denied, strict=True) if not still]
 
     def without_shadows(self, candidates: Sequence[Candidate], scale: float) -> list[Candidate]:
         """Candidates of flow in the frame of the last ``candidates``, their boxes without soft shadows.

@@ -45,15 +45,15 @@ def test_alone_nothing_is_a_fragment():
 
 
 def test_known_share_around_a_window():
-    residual = np.zeros((20, 30, 2), np.float32)
+    residual = np.zeros((40, 50, 2), np.float32)
     residual[:, :10] = np.nan
-    still = Background(np.zeros_like(residual), np.ones((20, 30), np.float32), True)
+    still = Background(np.zeros_like(residual), np.ones((40, 50), np.float32), True)
     field = MotionField(residual, still, 0.04, 1.0)
-    # 12 x 12 cells about the window less its own 16: columns 6 to 17, of which 6 to 9 are not known
-    assert field.known_around(slice(8, 12), slice(10, 14)) == pytest.approx((12 * 8 - 16) / (144 - 16))
-    # cut at the picture's edge: rows 0 to 7, columns 22 to 29, all known
-    assert field.known_around(slice(0, 4), slice(26, 30)) == 1.0
-    assert field.known_around(slice(0, 20), slice(0, 30)) == 0.0
+    # 28 x 28 cells about the window less its own 16: columns 6 to 33, of which 6 to 9 are not known
+    assert field.known_around(slice(12, 16), slice(18, 22)) == pytest.approx((28 * 24 - 16) / (784 - 16))
+    # cut at the picture's edge: rows 0 to 15, columns 34 to 49, all known
+    assert field.known_around(slice(0, 4), slice(46, 50)) == 1.0
+    assert field.known_around(slice(0, 40), slice(0, 50)) == 0.0
 
 
 @pytest.mark.parametrize(('own_m', 'left_m'), [((0.4, 0.0, 0.0), 1.0), ((0.0, 0.0, 0.6), 0.4), ((0.0, 0.0, -1.0), 2.0)])

@@ -355,8 +355,8 @@ def test_weak_candidates_need_more_of_them_and_doubtful_ones_are_never_reported(
 def test_score_is_the_probability_of_the_summed_log_odds():
     assert probability(0.0) == 0.5
     assert probability(np.log(3.0)) == pytest.approx(0.75)
-    # -24.5 + 1.9 ln 1000 + 1.25 ln 20 + 5.5 * 0.8 + 6.9 * 0.5 = -24.5 + 13.1247 + 3.7447 + 4.4 + 3.45
-    assert log_odds(1000 / 960 ** 2, 20.0, 0.8, 0.5) == pytest.approx(0.2194, abs=1e-3)
+    # -25.4 + 1.9 ln 1000 + 1.25 ln 20 + 5.5 * 0.8 + 6.9 * 0.5 = -25.4 + 13.1247 + 3.7447 + 4.4 + 3.45
+    assert log_odds(1000 / 960 ** 2, 20.0, 0.8, 0.5) == pytest.approx(-0.6806, abs=1e-3)
     tracker = Tracker(CONFIG)
     for _ in range(3):
         records = tracker.step([candidate(50, 50, log_odds=1.0)], np.eye(3), DT_S, 640, 480)
