@@ -112,6 +112,8 @@ DISTURBANCES = (
     Disturbance('JPEG of quality 20', _jpeg),
     Disturbance('blur of 1.5 px', lambda image, _: np.asarray(cv2.GaussianBlur(image, (0, 0), 1.5), np.float32)),
     Disturbance('two thirds of the size', scale=2.0 / 3.0),
+    Disturbance('half of the size', scale=0.5),
+    Disturbance('a third of the size', scale=1.0 / 3.0),
     Disturbance('every second frame', every=2),
     Disturbance('every 20th picture is grey', lost_every=20),
 )

@@ -29,7 +29,9 @@ companion computer of two cores should reach.
 '''
 ABOUT = {
     'stages': '''Compute time of every stage, decoded frame to detections; processor: time of all threads together,
-which other load on the machine hardly changes. Median / 95th percentile, ms.''',
+which other load on the machine hardly changes. Median / 95th percentile, ms. Here, and in the tables below that name
+a size, images are worked on as they are (`preprocessing.min_width_px: 0`): `visdrone` and `kitti` enlarge 640x360 to
+960x540, and take as long as for that.''',
     'clips': '''The presets of the families on real clips, decoded frame to detections, beside two plain methods
 (`benchmarks.plain_methods`; KLT + DBSCAN needs scikit-learn) that take turns with them frame by frame. Times to the
 answer, ms; not all frames cost the same, so means count. Until ready: with the preset `visdrone` flow is computed and

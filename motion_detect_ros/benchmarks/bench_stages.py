@@ -17,6 +17,7 @@ from motion_detect_ros.benchmarks.bench_timing import (
     elapsed_ms,
     flight,
     floor_times,
+    not_enlarging,
 )
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import BackendError
@@ -63,8 +64,8 @@ def stage_times(config: PipelineConfig, frames: Frames) -> list[Timing]:
 
 
 def stages(preset: str, frames: int) -> dict[str, list[Timing]]:
-    """``stage_times`` at every size of ``SIZES``."""
-    config = load_preset(preset)
+    """``stage_times`` at every size of ``SIZES``, not enlarged."""
+    config = not_enlarging(load_preset(preset))
     warm_up(config)
     return {f'{width}x{height}': stage_times(config, flight(FlightConfig(width=width, height=height, frames=frames)))
             for width, height in SIZES}
@@ -97,7 +98,7 @@ def reported(frames: int) -> list[dict[str, Any]]:
 
 def floors(preset: str, frames: int) -> list[Ratio]:
     """The whole pipeline against the OpenCV calls that cannot be avoided, interleaved, at every size."""
-    config = load_preset(preset)
+    config = not_enlarging(load_preset(preset))
     warm_up(config)
     return [Ratio.of(f'{width}x{height}', floor_times(
         config, flight(FlightConfig(width=width, height=height, frames=frames)))) for width, height in SIZES]
@@ -105,7 +106,7 @@ def floors(preset: str, frames: int) -> list[Ratio]:
 
 def backgrounds(preset: str, frames: int) -> list[Ratio]:
     """The pipeline with a background in three dimensions against the planar one, interleaved, at every size."""
-    config = load_preset(preset)
+    config = not_enlarging(load_preset(preset))
     warm_up(config)
     return [Ratio.of(f'{width}x{height}', background_times(
         config, flight(FlightConfig(width=width, height=height, frames=frames)))) for width, height in SIZES]

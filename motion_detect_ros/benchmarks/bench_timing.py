@@ -16,6 +16,7 @@ from motion_detect_ros.core.ego_motion.features import BLOCK_PX
 from motion_detect_ros.core.flow_methods.registry import make_flow
 from motion_detect_ros.core.geometry.warp import at_scale, stabilise
 from motion_detect_ros.core.pipeline import MotionPipeline
+from motion_detect_ros.core.preprocessing.stage import working_scale
 from motion_detect_ros.core.types import ByteArray, DoubleArray
 from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
 
@@ -117,9 +118,11 @@ class OpenCvFloor:
     def _prepared(self, image: ByteArray) -> tuple[ByteArray, float]:
         gray = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         height, width = gray.shape
-        scale = min(1.0, self._config.preprocessing.max_width_px / width)
-        if scale < 1.0:
-            gray = cv2.resize(gray, (round(width * scale), round(height * scale)), interpolation=cv2.INTER_AREA)
+        working = self._config.preprocessing
+        scale = working_scale(width, working.min_width_px, working.max_width_px)
+        if scale != 1.0:
+            method = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_CUBIC
+            gray = cv2.resize(gray, (round(width * scale), round(height * scale)), interpolation=method)
         return gray, scale
 
     def _track(self, previous: ByteArray, current: ByteArray) -> None:
@@ -130,6 +133,11 @@ class OpenCvFloor:
         options = {'winSize': (config.lk_window_px, config.lk_window_px), 'maxLevel': config.pyramid_levels}
         moved, _, _ = cv2.calcOpticalFlowPyrLK(previous, current, points, None, **options)
         cv2.calcOpticalFlowPyrLK(current, previous, moved, None, **options)
+
+
+def not_enlarging(config: PipelineConfig) -> PipelineConfig:
+    """The same settings for images that are worked on as they are, however small."""
+    return replace(config, preprocessing=replace(config.preprocessing, min_width_px=0))
 
 
 def floor_times(config: PipelineConfig, frames: Frames, clock: Clock = time.perf_counter) -> DoubleArray:

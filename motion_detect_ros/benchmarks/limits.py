@@ -23,6 +23,7 @@ import cv2
 import numpy as np
 
 from motion_detect_ros.benchmarks.accuracy import read_changes
+from motion_detect_ros.benchmarks.bench_timing import not_enlarging
 from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.figures import make_figure, save
 from motion_detect_ros.benchmarks.generated import replace_section
@@ -144,7 +145,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--picture', type=Path, metavar='FILE', help='draw the heat maps (needs the extra plots)')
     parser.add_argument('--write', type=Path, metavar='FILE', help='put the tables into this document, too')
     options = parser.parse_args(arguments)
-    config = with_settings(load_preset(options.preset), read_changes(options.set))
+    config = with_settings(not_enlarging(load_preset(options.preset)), read_changes(options.set))
     if options.picture:
         make_figure(1, 1)
     recalls = measure(config, SIZES_PX, options.seeds, options.jobs)

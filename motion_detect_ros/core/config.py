@@ -27,6 +27,9 @@ class PreprocessingConfig:
 
     max_width_px: int = setting(
         960, 'wider images are shrunk to this width before processing', low=64, high=8192, unit='px')
+    min_width_px: int = setting(
+        0, 'narrower images are enlarged to this width, twice at most and not over max_width_px; 0 = never', low=0,
+        high=8192, unit='px')
     median_kernel_px: int = setting(
         0, 'median filter size, 0 and 1 = off, even ones are taken one larger', low=0, high=7, unit='px')
     mean_shift_px: int = setting(

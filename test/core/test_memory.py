@@ -11,6 +11,7 @@ import pytest
 
 from motion_detect_ros.core.geometry.motion_chain import MAX_LINKS
 from motion_detect_ros.core.pipeline import MotionPipeline, warm_up
+from motion_detect_ros.core.settings import with_settings
 from motion_detect_ros.presets import load_preset
 from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
 
@@ -32,7 +33,7 @@ class Held:
 @pytest.fixture(scope='module', params=['visdrone', 'kitti'])
 def held(request: pytest.FixtureRequest) -> tuple[str, Held]:
     """Three and a half seconds of the built-in flight."""
-    config = load_preset(request.param)
+    config = with_settings(load_preset(request.param), {'preprocessing.min_width_px': 0})  # as of wide pictures
     flight = FlightConfig(width=WIDTH, height=HEIGHT, focal_px=0.75 * WIDTH, frames=FRAMES, fps=FPS)
     frames = [(frame.image, frame.stamp_ns) for frame in SyntheticFlight(flight)]
     warm_up(config)

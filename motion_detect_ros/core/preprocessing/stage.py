@@ -18,6 +18,8 @@ from motion_detect_ros.core.types import BoolArray, ByteArray, PreparedFrame
 
 #: Smallest side of a working-resolution image that the flow pyramid can handle, pixels.
 MIN_SIDE_PX = 32
+#: Images are not enlarged by more: a small camera's pixels tell no more however many are made of them.
+MAX_ENLARGEMENT = 2.0
 
 
 class Preprocessor:
@@ -43,7 +45,7 @@ class Preprocessor:
         self._brightness.reset()
 
     def process(self, image: npt.NDArray[np.uint8], stamp_ns: int) -> PreparedFrame:
-        """Grey, shrunk to the working width, denoised, of even brightness, with the mask of pixels that show
+        """Grey, of the working width, denoised, of even brightness, with the mask of pixels that show
         the scene.
 
         image: (H, W) grey or (H, W, 3) BGR, uint8.
@@ -52,10 +54,10 @@ class Preprocessor:
         """
         height, width = _checked_size(image)
         gray = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-        scale = min(1.0, self._max_width_px / width)
-        if scale < 1.0:
+        scale = working_scale(width, self._config.min_width_px, self._max_width_px)
+        if scale != 1.0:
             size = (round(width * scale), max(1, round(height * scale)))
-            gray = cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
+            gray = cv2.resize(gray, size, interpolation=cv2.INTER_AREA if scale < 1.0 else cv2.INTER_CUBIC)
         if min(gray.shape) < MIN_SIDE_PX:
             raise FrameError(f'image: expected at least {MIN_SIDE_PX} px a side at working resolution, '
                              f'got {gray.shape[1]}x{gray.shape[0]}')
@@ -78,6 +80,15 @@ class Preprocessor:
             return overlay if ignored is None else ignored
         both: BoolArray = ignored & overlay
         return both
+
+
+def working_scale(width: int, least_px: int, most_px: int) -> float:
+    """Working over full resolution of an image of this width, for working widths from ``least_px`` to ``most_px``.
+
+    Narrower images are enlarged by ``MAX_ENLARGEMENT`` at most; all windows, from the tracker's to the score's, are
+    made for objects as large as a picture of the default width shows them.
+    """
+    return min(max(1.0, min(MAX_ENLARGEMENT, least_px / width)), most_px / width)
 
 
 def mean_shift(gray: ByteArray, radius_px: int, band_gray: float) -> ByteArray:

@@ -15,6 +15,7 @@ from motion_detect_ros.core.preprocessing.scene_mask import scene_cells
 from motion_detect_ros.core.preprocessing.stage import Preprocessor, mean_shift
 from motion_detect_ros.core.regions import Region, parse_regions
 from motion_detect_ros.core.settings import with_settings
+from motion_detect_ros.presets import load_preset
 
 PERIOD_NS = 40_000_000
 
@@ -65,6 +66,41 @@ class TestRegions:
 
     def test_regions_of_real_pictures_do_not_stop_the_warm_up(self):
         warm_up(PipelineConfig(preprocessing=PreprocessingConfig(max_width_px=480, ignore_regions='1800,1000,100,50')))
+
+
+class TestWorkingWidth:
+    @pytest.mark.parametrize(('preset', 'least_px'), [('default', 0), ('report', 0), ('visdrone', 960), ('kitti', 960)])
+    def test_presets_of_scenes_enlarge_small_pictures(self, preset: str, least_px: int) -> None:
+        assert load_preset(preset).preprocessing.min_width_px == least_px
+
+    @pytest.mark.parametrize(('width', 'settings', 'working'), [
+        (640, {}, 640), (1200, {}, 960), (640, {'max_width_px': 320}, 320), (640, {'min_width_px': 960}, 960),
+        (480, {'min_width_px': 960}, 960), (300, {'min_width_px': 960}, 600), (960, {'min_width_px': 960}, 960),
+        (640, {'min_width_px': 700}, 700), (640, {'min_width_px': 960, 'max_width_px': 720}, 720),
+        (1000, {'min_width_px': 1200, 'max_width_px': 1200}, 1200),
+    ])
+    def test_between_the_least_and_the_most(self, width: int, settings: dict[str, int], working: int) -> None:
+        frame = Preprocessor(PreprocessingConfig(**settings)).process(np.zeros((90, width), np.uint8), 0)
+        assert (frame.gray.shape[1], frame.width, frame.height) == (working, width, 90)
+        assert frame.scale == working / width and frame.gray.shape[0] == round(90 * working / width)
+
+    def test_load_lowers_that_of_small_pictures_too(self) -> None:
+        prepare = Preprocessor(PreprocessingConfig(min_width_px=960))
+        widths = []
+        for share in (1.0, 0.75, 0.5, 1.0):
+            prepare.limit_width(share)
+            widths.append(prepare.process(np.zeros((90, 640), np.uint8), 0).gray.shape[1])
+        assert widths == [960, 720, 480, 960]
+
+    def test_everything_stays_where_it_is(self) -> None:
+        """The middle of a blot at 200.3, 41.8 of a picture that is enlarged by one and a half, centres at halves."""
+        x, y = np.meshgrid(np.arange(640) + 0.5, np.arange(90) + 0.5)
+        blot = 200.0 * np.exp(-((x - 200.3) ** 2 + (y - 41.8) ** 2) / 50.0)
+        prepare = Preprocessor(PreprocessingConfig(min_width_px=960))
+        gray = prepare.process(np.rint(blot).astype(np.uint8), 0).gray.astype(float)
+        x, y = np.meshgrid(np.arange(960) + 0.5, np.arange(135) + 0.5)
+        assert (gray * x).sum() / gray.sum() == pytest.approx(1.5 * 200.3, abs=0.03)
+        assert (gray * y).sum() / gray.sum() == pytest.approx(1.5 * 41.8, abs=0.03)
 
 
 class TestCells:
