@@ -28,8 +28,7 @@ class PreprocessingConfig:
     max_width_px: int = setting(
         960, 'wider images are shrunk to this width before processing', low=64, high=8192, unit='px')
     min_width_px: int = setting(
-        0, 'narrower images are enlarged to this width, twice at most and not over max_width_px; 0 = never', low=0,
-        high=8192, unit='px')
+        0, 'narrower images are enlarged to this width, twice at most; 0 = never', low=0, high=8192, unit='px')
     median_kernel_px: int = setting(
         0, 'median filter size, 0 and 1 = off, even ones are taken one larger', low=0, high=7, unit='px')
     mean_shift_px: int = setting(
@@ -155,8 +154,7 @@ class BackgroundConfig:
     focal_share: float = setting(
         0.9, 'focal length where no calibration is known, share of the image width', low=0.2, high=10.0)
     depth_noise_share: float = setting(
-        0.02, 'share of the total flow that is added to the noise, three-dimensional background',
-        low=0.0, high=1.0)
+        0.02, 'share of the total flow that is added to the noise, three-dimensional background', low=0.0, high=1.0)
     noise_floor_px: float = setting(
         0.2, 'noise of the flow over the baseline is never taken to be smaller', low=0.01, high=10.0, unit='px')
     noise_share: float = setting(

@@ -7,6 +7,7 @@ import pytest
 from warps import blocks
 
 from motion_detect_ros.core.pipeline import MotionPipeline
+from motion_detect_ros.core.settings import with_settings
 from motion_detect_ros.core.trajectories.hard_shadows import SunSide, dark_side
 from motion_detect_ros.core.types import empty_detections
 from motion_detect_ros.presets import load_preset
@@ -155,7 +156,8 @@ class World:
 
     def __init__(self, darkness: float) -> None:
         """darkness: share of the light that the shadows leave."""
-        self._darkness, self._pipeline = darkness, MotionPipeline(load_preset('visdrone'))
+        as_it_is = with_settings(load_preset('visdrone'), {'preprocessing.min_width_px': 0})
+        self._darkness, self._pipeline = darkness, MotionPipeline(as_it_is)
         self._stamp_s, self._index = 0.0, 0
         self._found = np.empty(0)
 
