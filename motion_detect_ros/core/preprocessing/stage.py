@@ -18,7 +18,7 @@ from motion_detect_ros.core.types import BoolArray, ByteArray, PreparedFrame
 
 #: Smallest side of a working-resolution image that the flow pyramid can handle, pixels.
 MIN_SIDE_PX = 32
-#: Images are not enlarged by more: a small camera's pixels tell no more however many are made of them.
+#: Images are not enlarged by more: noise floors and gates in pixels of the image as it comes would not fit any longer.
 MAX_ENLARGEMENT = 2.0
 
 
