@@ -16,7 +16,7 @@ from motion_detect_ros.core.ego_motion.features import BLOCK_PX
 from motion_detect_ros.core.flow_methods.registry import make_flow
 from motion_detect_ros.core.geometry.warp import at_scale, stabilise
 from motion_detect_ros.core.pipeline import MotionPipeline
-from motion_detect_ros.core.preprocessing.stage import working_scale
+from motion_detect_ros.core.preprocessing.stage import at_working_width
 from motion_detect_ros.core.types import ByteArray, DoubleArray
 from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
 
@@ -117,13 +117,8 @@ class OpenCvFloor:
 
     def _prepared(self, image: ByteArray) -> tuple[ByteArray, float]:
         gray = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-        height, width = gray.shape
         working = self._config.preprocessing
-        scale = working_scale(width, working.min_width_px, working.max_width_px)
-        if scale != 1.0:
-            method = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_CUBIC
-            gray = cv2.resize(gray, (round(width * scale), round(height * scale)), interpolation=method)
-        return gray, scale
+        return at_working_width(gray, working.min_width_px, working.max_width_px)
 
     def _track(self, previous: ByteArray, current: ByteArray) -> None:
         config = self._config.ego_motion

@@ -54,10 +54,7 @@ class Preprocessor:
         """
         height, width = _checked_size(image)
         gray = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-        scale = working_scale(width, self._config.min_width_px, self._max_width_px)
-        if scale != 1.0:
-            size = (round(width * scale), max(1, round(height * scale)))
-            gray = cv2.resize(gray, size, interpolation=cv2.INTER_AREA if scale < 1.0 else cv2.INTER_CUBIC)
+        gray, scale = at_working_width(gray, self._config.min_width_px, self._max_width_px)
         if min(gray.shape) < MIN_SIDE_PX:
             raise FrameError(f'image: expected at least {MIN_SIDE_PX} px a side at working resolution, '
                              f'got {gray.shape[1]}x{gray.shape[0]}')
@@ -82,13 +79,21 @@ class Preprocessor:
         return both
 
 
-def working_scale(width: int, least_px: int, most_px: int) -> float:
-    """Working over full resolution of an image of this width, for working widths from ``least_px`` to ``most_px``.
+def at_working_width(
+    gray: npt.NDArray[np.uint8], least_px: int, most_px: int,
+) -> tuple[npt.NDArray[np.uint8], float]:
+    """The image, (H, W), from ``least_px`` to ``most_px`` wide, and how many times as large as before.
 
     Narrower images are enlarged by ``MAX_ENLARGEMENT`` at most; all windows, from the tracker's to the score's, are
     made for objects as large as a picture of the default width shows them.
     """
-    return min(max(1.0, min(MAX_ENLARGEMENT, least_px / width)), most_px / width)
+    height, width = gray.shape
+    scale = min(max(1.0, min(MAX_ENLARGEMENT, least_px / width)), most_px / width)
+    if scale == 1.0:
+        return gray, scale
+    size = (round(width * scale), max(1, round(height * scale)))
+    method = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_CUBIC
+    return np.asarray(cv2.resize(gray, size, interpolation=method), np.uint8), scale
 
 
 def mean_shift(gray: ByteArray, radius_px: int, band_gray: float) -> ByteArray:
