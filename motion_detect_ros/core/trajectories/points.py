@@ -2,8 +2,9 @@
 
 A point starts from the ego-motion and its own velocity, so no pyramid is needed, and what is a few pixels large keeps
 its own motion. Points that fail, as those on fast objects do while their velocity is not known, are tracked again over
-a pyramid. About every 0.07 s points are tracked back as well (Kalal et al. 2010). Lengths are pixels of the working
-resolution and do not scale with it: they belong to the tracker's window.
+a pyramid. About every 0.07 s points are tracked back as well (Kalal et al. 2010), every second one in the frame after,
+so that frames take equally long. Lengths are pixels of the working resolution and do not scale with it: they belong to
+the tracker's window.
 """
 
 from __future__ import annotations
@@ -124,7 +125,7 @@ class PointTracker:
         self._every.reset()
         self._points, self._started = Points(), 0
         self._moving = self._points.number
-        self.new_due = False
+        self.new_due = self._half_due = False
 
     def track(self, frames: RecentFrames, mask: BoolArray | None) -> Points:
         """Those of the last frame that are found in the current one. mask: (h, w), False where no point may be; None =
@@ -135,9 +136,12 @@ class PointTracker:
         if len(frames) < 2:
             self._points = Points()
             self._every.reset()
-        self.new_due = self._every.due(frames.seconds(min(1, len(frames) - 1)))
+        other_half, self.new_due = self._half_due, self._every.due(frames.seconds(min(1, len(frames) - 1)))
+        self._half_due = self.new_due
         if len(self._points):
-            self._points = self._tracked(frames, mask, self.new_due)
+            odd = self._points.number % 2 == 1
+            checked = odd if other_half else ~odd if self.new_due else np.zeros(len(odd), np.bool_)
+            self._points = self._tracked(frames, mask, np.flatnonzero(checked))
         return self._points
 
     def start(self, frames: RecentFrames, mask: BoolArray | None) -> Points:
@@ -156,15 +160,17 @@ class PointTracker:
         self._moving = self._points.number[moving]
         self._points = self._points.only(np.flatnonzero(~spare))
 
-    def _tracked(self, frames: RecentFrames, mask: BoolArray | None, checked: bool) -> Points:
+    def _tracked(self, frames: RecentFrames, mask: BoolArray | None, checked: npt.NDArray[np.intp]) -> Points:
+        """checked: indices of the points that are tracked back, too."""
         points, dt_s = self._points, frames.seconds(1)
         current, previous = frames[0].gray, frames[1].gray
         carried = apply(frames[1].matrix, points.now)
         start = carried + points.velocity * np.float32(dt_s)
         now, good = _follow(previous, current, points.now, start)
-        if checked:
-            back, found = _follow(current, previous, now, points.now + (now - start))
-            good &= found & (magnitude(back - points.now) < FORWARD_BACKWARD_PX)
+        if len(checked):
+            was, there = points.now[checked], now[checked]
+            back, found = _follow(current, previous, there, was + (there - start[checked]))
+            good[checked] &= found & (magnitude(back - was) < FORWARD_BACKWARD_PX)
         good &= _usable(now, current.shape, mask)
         velocity = (now - carried) / np.float32(dt_s)
         gain = np.where(points.age > 0, VELOCITY_GAIN, 1.0).astype(np.float32)[:, None]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import threading
 from dataclasses import replace
+from itertools import pairwise
+from typing import Any
 
 import cv2
 import numpy as np
@@ -15,6 +17,7 @@ from motion_detect_ros.core.geometry.warp import apply
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.settings import with_settings
 from motion_detect_ros.core.trajectories import clusters
+from motion_detect_ros.core.trajectories import points as points_module
 from motion_detect_ros.core.trajectories.clusters import Cluster
 from motion_detect_ros.core.trajectories.finder import TrajectoryFinder
 from motion_detect_ros.core.trajectories.object_motion import PointMotion, object_motion
@@ -79,6 +82,30 @@ class TestPoints:
         assert points.age.max() == 3
         assert not frames.add(prepared(gray, 4), replace(ego(np.eye(3), 4), status=EgoStatus.LOW_TEXTURE))
         assert step(tracker, frames).age.max() == 0
+
+    def test_half_of_them_is_tracked_back_in_each_frame_and_all_in_two(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        back: list[np.ndarray] = []
+        track = points_module.lucas_kanade
+
+        def seen(one: np.ndarray, other: np.ndarray, places: np.ndarray, *others: Any) -> Any:
+            if one is current:
+                back.append(np.rint(track(one, other, places, *others)[0] / 2))
+            return track(one, other, places, *others)
+
+        monkeypatch.setattr(points_module, 'lucas_kanade', seen)
+        ground, frames, tracker = smooth_texture(3, 360, 480), RecentFrames(), PointTracker(1000)
+        checked = list[set[tuple[float, float]]]()
+        for index in range(10):
+            current = ground.copy()
+            frames.add(prepared(current, index), ego(np.eye(3), index))
+            back.clear()
+            points = step(tracker, frames)
+            checked.append({tuple(place) for places in back for place in places.tolist()})
+        standing = {tuple(place) for place in np.rint(points.now[points.age > 2] / 2).tolist()}
+        assert len(standing) > 400
+        for one, other in pairwise(checked[4:]):
+            assert 0.4 * len(standing) < len(one & standing) < 0.6 * len(standing)
+            assert standing <= one | other
 
     def test_none_in_the_mask(self) -> None:
         gray, mask = smooth_texture(1, 200, 300), np.ones((200, 300), bool)
