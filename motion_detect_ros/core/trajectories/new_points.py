@@ -100,9 +100,11 @@ def _strongest(  # type: ignore[no-untyped-def]
         top, bottom = max(top, BORDER_PX), min(top + cell_px, height - BORDER_PX)
         left, right = max(left, BORDER_PX), min(left + cell_px, width - BORDER_PX)
         count = 0
-        for r in range(top, bottom):
-            for c in range(left, right):
-                count += wanted[r // 2, c // 2]
+        for r in range(top // 2, (bottom + 1) // 2):
+            across = 0
+            for c in range(left // 2, (right + 1) // 2):
+                across += wanted[r, c] * (min(right, 2 * c + 2) - max(left, 2 * c))
+            count += across * (min(bottom, 2 * r + 2) - max(top, 2 * r))
         if count < CHANGED_PIXELS:
             continue
         corner_response(gray, top, bottom, left, right, products, response)
