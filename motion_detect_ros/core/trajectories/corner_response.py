@@ -28,30 +28,27 @@ def corner_response(gray, top, bottom, left, right, products, response):  # type
     3 pixels and more from the image border; products, response: of ``scratch``.
     """
     rows, columns = bottom - top, right - left
-    wide = columns + 2 * MARGIN_PX
-    first, last = left - MARGIN_PX - 1, right + MARGIN_PX + 1
-    for r in range(rows + 2 * MARGIN_PX):  # rows as arrays of their own: indices that cannot be negative are quick
-        y = top + r - MARGIN_PX
-        above, here, below = gray[y - 1, first:last], gray[y, first:last], gray[y + 1, first:last]
-        xx, xy, yy = products[0, r], products[1, r], products[2, r]
-        for c in range(wide):
-            a, b, d, e = np.int32(above[c]), np.int32(above[c + 2]), np.int32(below[c]), np.int32(below[c + 2])
-            across = b + e - a - d + 2 * (np.int32(here[c + 2]) - np.int32(here[c]))
-            down = d + e - a - b + 2 * (np.int32(below[c + 1]) - np.int32(above[c + 1]))
-            xx[c] = across * across
-            xy[c] = across * down
-            yy[c] = down * down
+    part = gray[top - MARGIN_PX - 1:bottom + MARGIN_PX + 1, left - MARGIN_PX - 1:right + MARGIN_PX + 1]
+    for r in range(rows + 2 * MARGIN_PX):  # from 0 on, not from the part's place: no index could be negative
+        for c in range(columns + 2 * MARGIN_PX):
+            a, b = np.int32(part[r, c]), np.int32(part[r, c + 2])
+            d, e = np.int32(part[r + 2, c]), np.int32(part[r + 2, c + 2])
+            across = b + e - a - d + 2 * (np.int32(part[r + 1, c + 2]) - np.int32(part[r + 1, c]))
+            down = d + e - a - b + 2 * (np.int32(part[r + 2, c + 1]) - np.int32(part[r, c + 1]))
+            products[0, r, c] = across * across
+            products[1, r, c] = across * down
+            products[2, r, c] = down * down
     for r in range(rows):
         for which in range(3):
-            total, second, third, fourth, fifth = (
-                products[which, r], products[which, r + 1], products[which, r + 2], products[which, r + 3],
-                products[which, r + 4])
-            for c in range(wide):
-                total[c] += second[c] + third[c] + fourth[c] + fifth[c]
-        xx, xy, yy, smaller = products[0, r], products[1, r], products[2, r], response[r]
+            for c in range(columns + 2 * MARGIN_PX):
+                products[which, r, c] += (products[which, r + 1, c] + products[which, r + 2, c]
+                                          + products[which, r + 3, c] + products[which, r + 4, c])
         for c in range(columns):
-            x = np.float32(xx[c] + xx[c + 1] + xx[c + 2] + xx[c + 3] + xx[c + 4])
-            both = np.float32(xy[c] + xy[c + 1] + xy[c + 2] + xy[c + 3] + xy[c + 4])
-            y = np.float32(yy[c] + yy[c + 1] + yy[c + 2] + yy[c + 3] + yy[c + 4])
-            half = np.float32(0.5) * (x - y)
-            smaller[c] = np.float32(SCALE * SCALE) * (np.float32(0.5) * (x + y) - np.sqrt(half * half + both * both))
+            xx = xy = yy = np.float32(0.0)
+            for near in range(WINDOW_PX):
+                xx += np.float32(products[0, r, c + near])
+                xy += np.float32(products[1, r, c + near])
+                yy += np.float32(products[2, r, c + near])
+            half = np.float32(0.5) * (xx - yy)
+            response[r, c] = np.float32(SCALE * SCALE) * (
+                np.float32(0.5) * (xx + yy) - np.sqrt(half * half + xy * xy))
