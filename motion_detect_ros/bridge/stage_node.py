@@ -14,7 +14,7 @@ from std_msgs.msg import Header
 
 from motion_detect_ros.allocator import give_back
 from motion_detect_ros.bridge import transport
-from motion_detect_ros.bridge.calibration import Calibration
+from motion_detect_ros.bridge.calibration import StageCamera
 from motion_detect_ros.bridge.console import ImageLog
 from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.gyro import GyroInput, Sink
@@ -29,7 +29,6 @@ from motion_detect_ros.bridge.topics import CAMERA_INFO, FLOW, Topic
 from motion_detect_ros.bridge.worker import Worker
 from motion_detect_ros.core.errors import MessageError, MotionDetectError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
-from motion_detect_ros.core.pipeline import warm_up
 from motion_detect_ros.core.reconfiguration import structural_changes
 from motion_detect_ros.core.settings import Scalar, settings, with_settings
 from motion_detect_ros.core.stamp_order import REORDER_S, Verdict
@@ -70,19 +69,19 @@ class StageNode(ManagedNode):
         reorder_s = float(declare_simple(
             self, 'reorder_s', REORDER_S, 'an image that is late by less is left out, by more starts anew', 0.0, 10.0))
         self._restamps = declare_simple(
-            self, 'stamp_missing', 'refuse', 'images without a stamp: leave them out, or use the time of arrival',
+            self, 'stamp_missing', 'refuse',
+            'images without a stamp: leave them out, or use the time of arrival (`pipeline` only)',
             choices=('refuse', 'arrival')) == 'arrival' and not self.inputs
         self._join = ExactJoin(('image', *(topic.name for topic in self.inputs)), 2 * self._queue_size + 8, reorder_s)
         self._stream = ImageStream(self._image_input.compressed)
-        self._calibration = Calibration(self._image_input.rectified)
+        self._camera = StageCamera(self._image_input.rectified, self.use_camera, self._warn_of_camera)
         self.latest: tuple[tuple[str, str], ...] = ()
-        self._decimation = FrameDecimation(self.config.load.decimation_keep, self.config.load.decimation_of)
+        self.decimate()
         self._worker: Worker[tuple[Any, ...]] | None = None
         self._gyro: GyroInput | None = None
         self._decoder = ImageDecoder()
         self._busy = threading.Lock()
         self._join_drops = 0
-        self._camera_in_use: CameraModel | None = None
 
     def make_stage(self) -> None:
         """Make publishers and the stage. Overridden."""
@@ -101,6 +100,9 @@ class StageNode(ManagedNode):
         """``config`` has changed. restart: also what needs a stage without history. Overridden."""
         raise NotImplementedError
 
+    def forget(self) -> None:
+        """Clear the history of the stage; not while it works. Overridden."""
+
     def gyro_sink(self) -> Sink | None:
         """Where angular rates go, for a stage that uses them. Overridden."""
         return None
@@ -110,8 +112,9 @@ class StageNode(ManagedNode):
         use(self.config.load.threads)
         warm_up_ahead(self.config, self.detects, self._tell_compilation)
         give_back()
-        self._camera_in_use = None
+        self.decimate()
         self.make_stage()
+        self._camera.forget()
 
     def _tell_compilation(self, count: int) -> None:
         self.get_logger().info(f'compiling kernel {count}; this takes up to a minute, once after an installation',
@@ -132,7 +135,7 @@ class StageNode(ManagedNode):
         sink = self.gyro_sink() if self.config.imu.use else None
         self._gyro = GyroInput(self, sink, self.config.imu.time_offset_s) if sink else None
         if self.uses_camera:
-            self.subscribe(CAMERA_INFO.kind, CAMERA_INFO.name, self._on_camera,
+            self.subscribe(CAMERA_INFO.kind, CAMERA_INFO.name, self._camera.note,
                            image_qos(self._image_input.reliability, SUBSCRIPTION_DEPTH), self._image_input.relaxes,
                            qos_overriding_options=overridable())
         # Last, as endpoints are announced in this order: who waits for a subscriber of the images finds the others too.
@@ -163,14 +166,14 @@ class StageNode(ManagedNode):
         """What the stage says of the latest image, how images arrive, and whether the calibration is used."""
         stamps = ((f'stamps_{verdict.name.lower()}', str(self._join.count('image', verdict)))
                   for verdict in Verdict if verdict != Verdict.NEXT)
-        calibration = (('calibration', self._calibration.state),) if self.uses_camera else ()
+        calibration = (('calibration', self._camera.state),) if self.uses_camera else ()
         return (*self.latest, *self._stream.values(), *stamps, *calibration)
 
     def _check_settings(self, values: dict[str, Scalar]) -> None:
         """All of them together; new kernels are compiled here, not when the next image comes. Raises: ConfigError."""
         self._new_config = with_settings(self.config, values)
         if structural_changes(self.config, self._new_config):
-            warm_up(self._new_config)
+            warm_up_ahead(self._new_config, self.detects, self._tell_compilation)
 
     def _take_settings(self, _: dict[str, Scalar]) -> None:
         self.locked(self._change_config)
@@ -178,12 +181,24 @@ class StageNode(ManagedNode):
     def _change_config(self) -> None:
         structural = structural_changes(self.config, self._new_config)
         self.config = self._new_config
-        self._decimation = FrameDecimation(self.config.load.decimation_keep, self.config.load.decimation_of)
+        self.decimate()
         if self.configured:
+            self.use_config(bool(structural))
             if structural:
                 self.get_logger().info(f'{", ".join(structural)} changed: history is cleared')
-                self._camera_in_use = None
-            self.use_config(bool(structural))
+                self._camera.tell_nothing()
+
+    def decimate(self, of: int = 1) -> None:
+        """Use one of so many of the images that the settings do not leave out."""
+        self._decimation = FrameDecimation(self.config.load.decimation_keep, of * self.config.load.decimation_of)
+
+    def reset(self) -> None:
+        """Forget history, of the images' depth too."""
+        self.locked(self._forget)
+
+    def _forget(self) -> None:
+        self._decoder = ImageDecoder()
+        self.forget()
 
     def locked(self, action: Callable[[], None]) -> None:
         """Run something between two frames."""
@@ -231,7 +246,7 @@ class StageNode(ManagedNode):
         try:
             with self._busy:
                 values = self._values(messages)
-                self._update_camera(stamp_ns(messages[0].header), *values[0].shape[1::-1])
+                self._camera.update(stamp_ns(messages[0].header), *values[0].shape[1::-1])
                 if self._gyro:
                     self._gyro.feed(stamp_ns(messages[0].header))
                 unused = self.work(messages[0].header, *values)
@@ -264,18 +279,9 @@ class StageNode(ManagedNode):
         except MessageError as error:
             raise MessageError(f'{self.resolve_topic_name(topic.name)}: {error}') from None
 
-    def _on_camera(self, msg: Any) -> None:
-        # Only noted here: the stage takes it before the next image, the executor must not wait for the stage.
-        self._calibration.note(msg)
-
-    def _update_camera(self, image_stamp_ns: int, width: int, height: int) -> None:
-        camera = self._calibration.for_image(image_stamp_ns, width, height)
-        if camera != self._camera_in_use:
-            self._camera_in_use = camera
-            self.use_camera(camera)
-        complaint = self._calibration.complaint()
-        if complaint and self.uses_camera:
-            self.get_logger().warning(complaint)
+    def _warn_of_camera(self, words: str) -> None:
+        if self.uses_camera:
+            self.get_logger().warning(words)
 
     def _check_transport(self, msg: Any) -> None:
         if len(msg.data) > BIG_IMAGE_BYTES and not transport.profile_set():

@@ -11,10 +11,12 @@ class ExactJoin:
     """Collects one item of every name for each stamp. Not thread-safe: feed it from one executor."""
 
     def __init__(self, names: tuple[str, ...], capacity: int, reorder_s: float = 0.0) -> None:
-        """reorder_s: as for ``StampOrder``, which every name has one of."""
+        """reorder_s: as for ``StampOrder``, of the first name, the images; the others come from stages that have judged
+        these, so that an earlier stamp is always of a new run of the clock.
+        """
         self._capacity = capacity
         self._waiting: dict[int, dict[str, Any]] = {}
-        self._orders = {name: StampOrder(reorder_s) for name in names}
+        self._orders = {name: StampOrder(0.0 if number else reorder_s) for number, name in enumerate(names)}
         self.verdict = Verdict.NEXT
         self.dropped = 0
 

@@ -53,7 +53,8 @@ class LoadControl:
     def decide(self, compute_s: float, period_s: float) -> bool:
         """Whether the step has changed.
 
-        compute_s: mean time for a processed image since the last decision; period_s: between received images, over 0.
+        compute_s: mean time for a processed image since the last decision; period_s: between those that the settings do
+        not leave out, over 0.
         """
         load = compute_s / (self.step.of * period_s)
         self._since_more += 1

@@ -9,6 +9,8 @@ from motion_detect_ros.core.types import NANOSECONDS
 
 #: An image that is late by less than this comes too late to be used; one further back is of another run of the clock.
 REORDER_S = 0.3
+#: Stamps from here on, nanoseconds (in 2001), are of a clock that shows the date: 0 after them is no stamp.
+DATED_NS = 10 ** 9 * NANOSECONDS
 #: So many late images in a row whose own stamps increase are a new run too: the clock went back by less.
 RUN_OF_LATE = 5
 
@@ -20,7 +22,7 @@ class Verdict(Enum):
     JUMP = 'jumped back'      # to be used, without what was before
     SEEN = 'seen already'     # to be left out, as all that follow
     LATE = 'late'
-    MISSING = 'missing'       # 0, again and again: the camera does not stamp
+    MISSING = 'missing'       # 0 again, or after a date: the camera has not stamped it
     NEGATIVE = 'negative'
 
     @property
@@ -58,6 +60,8 @@ class StampOrder:
             return Verdict.NEXT
         if stamp_ns == self._latest:
             return Verdict.SEEN if stamp_ns else Verdict.MISSING
+        if not stamp_ns and self._latest >= DATED_NS:
+            return Verdict.MISSING
         if self._latest - stamp_ns >= self._reorder_ns:
             return Verdict.JUMP
         self._late_run = self._late_run + 1 if self._late_run and stamp_ns > self._left_out else 1

@@ -23,8 +23,8 @@ class Art2ClusteringNode(StageNode):
     """Publishes the moving objects of each image."""
 
     inputs = (FLOW, EGO_MOTION)
-    used = ('preprocessing.', 'optical_flow.baseline_s', 'optical_flow.every_s', 'background.', 'art2.', 'objects.',
-            'trajectories.', 'tracks.', 'load.', 'self_tuning.')
+    used = ('preprocessing.', 'optical_flow.baseline_s', 'optical_flow.every_s', 'optical_flow.grid_px', 'background.',
+            'art2.', 'objects.', 'trajectories.', 'tracks.', 'load.', 'self_tuning.')
 
     def __init__(self) -> None:
         super().__init__('art2_clustering')
@@ -71,11 +71,8 @@ class Art2ClusteringNode(StageNode):
         """Hand the calibration on."""
         self._stage.camera = camera
 
-    def reset(self) -> None:
-        """Forget frames, neurons and tracks."""
-        self.locked(self._forget)
-
-    def _forget(self) -> None:
+    def forget(self) -> None:
+        """Frames, neurons and tracks."""
         for part in (self._preprocessor, self._history, self._stage):
             part.reset()
 

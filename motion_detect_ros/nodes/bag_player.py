@@ -76,6 +76,8 @@ class BagPlayerNode(SourceNode):
             self.await_subscribers(images, lambda: self._ticks.subscribers if self._ticks else 1)
         if not self._publishers_of:
             raise SourceError(f'{self._bag}: expected a topic whose type is installed, got none')
+        if self._next_s is None:  # it has played before
+            self._next_s = float(self.get_parameter('position_s').value)
         while not self.stopped.is_set():
             start_s, self._next_s = self._next_s or 0.0, None
             self._play_from(start_s)
@@ -121,7 +123,7 @@ class BagPlayerNode(SourceNode):
                     self._late_s = late_s
                 elif not is_static(message.topic):
                     continue
-                self._publish(message, clock_ns)
+                self._publish(message, max(clock_ns, first_ns))  # else those from before would turn the clock back
 
     @contextmanager
     def _watched(self, reader: BagReader) -> Iterator[None]:

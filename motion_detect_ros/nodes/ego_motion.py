@@ -11,7 +11,7 @@ from motion_detect_ros.bridge.stage_node import StageNode, unused_for
 from motion_detect_ros.bridge.topics import EGO_MOTION, TopicPublisher
 from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
-from motion_detect_ros.core.types import ByteArray, CameraModel
+from motion_detect_ros.core.types import ByteArray, CameraModel, DoubleArray
 
 
 class EgoMotionNode(StageNode):
@@ -53,13 +53,16 @@ class EgoMotionNode(StageNode):
         self._stage.camera = camera
 
     def gyro_sink(self) -> Sink:
-        """The stage."""
-        return self._stage.add_gyro
+        """The stage of the moment: other settings may bring a new one."""
+        return self._add_gyro
 
-    def reset(self) -> None:
-        """Forget the previous frame."""
-        self.locked(self._preprocessor.reset)
-        self.locked(self._stage.reset)
+    def forget(self) -> None:
+        """The previous frame."""
+        self._preprocessor.reset()
+        self._stage.reset()
+
+    def _add_gyro(self, stamp_ns: int, rate: DoubleArray) -> None:
+        self._stage.add_gyro(stamp_ns, rate)
 
 
 main = main_of(EgoMotionNode)

@@ -49,11 +49,8 @@ class OpticalFlowNode(StageNode):
         self._publisher.publish(self._stage.process(frame, ego, reference), header)
         return unused_for(ego, reference is not None)
 
-    def reset(self) -> None:
-        """Forget earlier frames."""
-        self.locked(self._forget)
-
-    def _forget(self) -> None:
+    def forget(self) -> None:
+        """Earlier frames."""
         for part in (self._preprocessor, self._history, self._stage):
             part.reset()
 

@@ -14,7 +14,6 @@ from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.stage_node import StageNode, unused_for
 from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, DetectionPublisher, TopicPublisher
 from motion_detect_ros.bridge.track_ids import declare_first_id
-from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.load_control import LoadControl
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.types import ByteArray, CameraModel
@@ -64,9 +63,10 @@ class PipelineNode(StageNode):
 
     def use_config(self, restart: bool) -> None:
         """Other settings from the next image on; the pipeline knows by itself which need a restart."""
-        self._control = LoadControl()
         self._pipeline.use_config(self.config)
-        self._pipeline.limit_width(1.0)
+        if restart or not self.config.load.adapt:
+            self._control = LoadControl()
+        self._take_step()
 
     def condition(self) -> Condition:
         """As for all stages; and what is left out for want of time."""
@@ -81,14 +81,15 @@ class PipelineNode(StageNode):
         self._looked_s, self._received = now_s, received
         if not (self.active and self.config.load.adapt and times and images):
             return
-        if self._control.decide(1e-3 * sum(times) / len(times), elapsed_s / images):
+        load = self.config.load
+        period_s = elapsed_s / images * load.decimation_of / load.decimation_keep
+        if self._control.decide(1e-3 * sum(times) / len(times), period_s):
             self.locked(self._take_step)
             self.get_logger().warning(self._control.reduced or 'load: full work again')
 
     def _take_step(self) -> None:
         self._pipeline.limit_width(self._control.step.width_share)
-        load = self.config.load
-        self._decimation = FrameDecimation(load.decimation_keep, self._control.step.of * load.decimation_of)
+        self.decimate(self._control.step.of)
 
     def use_camera(self, camera: CameraModel | None) -> None:
         """Hand the calibration on."""
@@ -98,9 +99,9 @@ class PipelineNode(StageNode):
         """The pipeline."""
         return self._pipeline.add_gyro
 
-    def reset(self) -> None:
-        """Forget all history."""
-        self.locked(self._pipeline.reset)
+    def forget(self) -> None:
+        """All history."""
+        self._pipeline.reset()
 
 
 main = main_of(PipelineNode)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from motion_detect_ros.bridge.sync import ExactJoin
 from motion_detect_ros.bridge.worker import Worker
+from motion_detect_ros.core.stamp_order import Verdict
 
 #: A safety net for what must come.
 TIMEOUT_S = 300.0
@@ -82,6 +83,20 @@ def test_after_a_jump_back_nothing_of_the_earlier_run_meets_the_present_one():
     for stamp in (1, 2, 3, 4, 5):
         assert join.add('flow', stamp, f'f{stamp}') is None
         assert join.add('image', stamp, f'i{stamp}') == (f'i{stamp}', f'f{stamp}')
+
+
+def test_the_answer_to_the_first_image_after_a_small_step_back_meets_it():
+    """The clock steps back by 6 images: the stage before leaves four of them out, as here, and answers the fifth."""
+    join = ExactJoin(('image', 'ego_motion'), 10, reorder_s=1e-7)
+    for stamp in range(10, 101, 10):
+        join.add('image', stamp, 'i')
+        assert join.add('ego_motion', stamp, 'e')
+    for stamp in (50, 60, 70, 80):
+        assert (join.add('image', stamp, 'late'), join.verdict) == (None, Verdict.LATE)
+    for stamp in (90, 100, 110):
+        assert join.add('image', stamp, f'i{stamp}') is None
+        assert join.add('ego_motion', stamp, f'e{stamp}') == (f'i{stamp}', f'e{stamp}')
+    assert join.count('image', Verdict.JUMP) == 1
 
 
 def test_items_of_the_other_topic_before_its_own_jump_are_forgotten_with_it():

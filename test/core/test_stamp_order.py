@@ -51,6 +51,13 @@ def test_a_camera_that_does_not_stamp_is_told_from_a_recording_that_begins_at_0(
     assert judged(0, 1, 2) == [NEXT, NEXT, NEXT]
 
 
+def test_one_image_without_a_stamp_among_dated_ones_is_left_out_and_forgotten():
+    today = 17_000_000_000
+    assert judged(today, today + 1, 0, today + 2) == [NEXT, NEXT, Verdict.MISSING, NEXT]
+    assert judged(today, 0, 0, 1) == [NEXT, Verdict.MISSING, Verdict.MISSING, JUMP]
+    assert judged(500, 0, 1) == [NEXT, JUMP, NEXT]  # a simulation that starts again
+
+
 def test_stamps_before_1970_are_left_out_and_forgotten():
     assert judged(-1, 5, -1, 6) == [Verdict.NEGATIVE, NEXT, Verdict.NEGATIVE, NEXT]
 

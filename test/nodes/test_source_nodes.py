@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TransformStamped
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from mcap.writer import Writer
 from peers import PATIENT, TIMEOUT_S, image_message, lossless, picture, ready, set_parameters, small
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
@@ -433,3 +435,43 @@ def test_a_bag_that_is_a_link_to_nothing_is_one_line(start, tmp_path):
     assert process.wait(TIMEOUT_S) == 2
     assert (tmp_path / 'bag_player.log').read_text().strip().endswith(
         'flight_0.mcap: cannot be read: No such file or directory')
+
+
+@pytest.fixture
+def transforms(tmp_path):
+    """30 s of /imu at 10 Hz, and a static transform from before."""
+    path = tmp_path / 'transforms.mcap'
+    with BagWriter(path) as writer:
+        writer.write('/tf_static', messages.make('geometry_msgs/msg/TransformStamped'), 100 * NANOSECONDS)
+        for tenth in range(300):
+            stamp = 100 * NANOSECONDS + tenth * NANOSECONDS // 10
+            writer.write('/imu', messages.make(messages.IMU, header=messages.header(stamp, 'imu')), stamp)
+    return path
+
+
+def seconds(ticks) -> list[float]:
+    """Of the recording."""
+    return [value / NANOSECONDS - 100.0 for value in clock_ns(ticks)]
+
+
+def test_a_jump_ahead_does_not_turn_the_clock_back(peer, start, transforms):
+    ticks = peer.subscribe(Clock, '/clock')
+    start('bag_player', '-p', f'bag:={transforms}', '-p', 'position_s:=5.0')
+    assert peer.until(lambda: len(ticks) > 5)
+    assert set_parameters(peer, 'bag_player', position_s=20.0) == ['']
+    assert peer.until(lambda: seconds(ticks)[-1] > 20.5)
+    assert min(np.diff(seconds(ticks))) >= 0.0
+    assert 5.0 <= seconds(ticks)[0] < 15.0  # the first ones may be lost
+
+
+def test_a_player_that_is_activated_again_starts_where_it_is_told(peer, start, transforms):
+    ticks = peer.subscribe(Clock, '/clock')
+    start('bag_player', '-p', f'bag:={transforms}', '-p', 'position_s:=7.0')
+    assert peer.until(lambda: len(ticks) > 5)
+    for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVATE):
+        assert peer.call(ChangeState, '/bag_player/change_state', transition=Transition(id=transition)).success
+        if transition == Transition.TRANSITION_DEACTIVATE:
+            peer.rest(LINGER_S)
+            ticks.clear()
+    assert peer.until(lambda: len(ticks) > 5)
+    assert 7.0 <= seconds(ticks)[0] < 15.0

@@ -35,7 +35,9 @@ class Preprocessor:
 
     def limit_width(self, share: float) -> None:
         """From the next frame on the working width is this share, 0 .. 1, of ``max_width_px`` at most."""
-        self._max_width_px = max(MIN_SIDE_PX, round(share * self._config.max_width_px))
+        before, self._max_width_px = self._max_width_px, max(MIN_SIDE_PX, round(share * self._config.max_width_px))
+        if self._max_width_px == before:
+            return
         self._ignored.clear()
         self._overlay.reset()
 
