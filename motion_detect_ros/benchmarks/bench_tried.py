@@ -47,6 +47,12 @@ two runs in turn, processor time) | 22.3, 27.5 ms; 38 to 47 ms | 20.7, 23.0 ms; 
 | window of the ego-motion's tracker 16 instead of 15 px, but for the preset `visdrone`: OpenCV handles 8 pixels of a \
 row at once, the rest one by one (KITTI, one thread, ego-motion; 305 would gain 1 to 3 of 11 to 14 ms) | 25 to 28 ms \
 | 17 ms |
+| the same 16 px for the preset `visdrone` (305, in turn frame by frame: ego-motion of one thread; processor time of a \
+frame on two cores) | 7.5; 47.8 ms | 5.6; 45.1 ms |
+| points tracked back by halves, in two frames, instead of all in every second one (305, 339, `uavdt_M1303`, with the \
+line above: 95th percentile over median, two runs of two hours) | 1.27, 1.25, 1.15 | 1.13, 1.09, 1.12 |
+| corner response of a cell's own array, whose indices are never negative, instead of the image's (305, places of new \
+points, in every second frame) | 4.2 ms | 3.2 ms |
 | kernels fill arrays that their callers make, and have no wrapper for C (start of `pipeline` to its first message \
 where they are compiled first, and memory then; two runs in turn, quiet machine) | 8.9 to 9.5 s, 406 MB | 6.3 to 6.6 \
 s, 367 MB |
@@ -67,6 +73,9 @@ much of both holds Python's lock |
 `uavdt_M1303` at IoU 0.5 0.517 to 0.470 |
 | a Delaunay triangulation of our own in a kernel, the same edges as Qhull's | 0.5 instead of 4.2 ms ten times a \
 second, behind the answer, for 130 lines: SciPy's stays |
+| pictures shrunk by bicubic interpolation instead of by area where they stay over 0.7 times as large (`uavdt_M1303`, \
+a frame) | 0.5 instead of 1.6 ms, for 0.01 of F1 ([accuracy.md](accuracy.md#luck)) |
+| triangulation by OpenCV's `Subdiv2D` | 2.0 instead of 4.8 ms, but it refuses points on a lattice or a line |
 | kernels for the normal equations of the ego-motion's and the background's samples, weights and cost | 0.1 ms a \
 frame for 2 s of compiling |
 | `replay`: reading, both halves of the work and writing in threads of their own (305, forwards and backwards, 544 \
@@ -97,5 +106,5 @@ heaps found their size, and by 0.2 MB in the last 12; the first minutes of a run
 
 Of 48 ms a frame of 305 on one thread (cProfile) OpenCV's tracker takes 27 %, its dense flow 12 %, corners of new points
 4 %, the triangulation 4 %, warps 3 %, errors of pictures 2 %; nothing else is over 2 %. The tracker's calls are 6000
-points forwards in every frame and backwards in every second one, and 700 of the ego-motion both ways.
+points forwards in every frame and half of them backwards, and 700 of the ego-motion both ways.
 '''
