@@ -255,6 +255,15 @@ class TestOverlay:
             mask = prepare.process(self.flight(index), (index + 1) * 100_000_000).mask
         assert mask is None
 
+    def test_it_is_remembered_unless_the_working_width_changes(self):
+        prepare = Preprocessor(PreprocessingConfig(find_overlay=True, max_width_px=320))
+        for index in range(60):
+            prepare.process(self.with_text(index), (index + 1) * 100_000_000)
+        prepare.limit_width(1.0)
+        assert prepare.process(self.with_text(60), 6_100_000_000).mask is not None
+        prepare.limit_width(0.5)
+        assert prepare.process(self.with_text(61), 6_200_000_000).mask is None
+
     def test_reset_and_time_jumps_forget(self):
         for forget in ('reset', 'jump'):
             prepare = Preprocessor(PreprocessingConfig(find_overlay=True))
