@@ -282,7 +282,7 @@ def test_objects_are_found_behind_the_frame_where_the_next_one_comes_soon(
         if finder.found:
             found_for.append(index)
             ahead_px += [each.centre[0] - corner(index, 4.0)[0] - SIDE / 2 for each in found]
-    delay, last = 0 if at_once else 1, range(3 * hz - 15, 3 * hz - 4)
+    delay, last = 0 if at_once else 1, range(3 * hz - 20, 3 * hz - 9)  # before the square comes to the border
     late = [index for index in clustered if index in last]
     assert set(np.diff(late)) == {3 if hz > 20 else 2}
     assert [index for index in found_for if index - delay in last] == [index + delay for index in late]
