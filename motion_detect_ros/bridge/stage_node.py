@@ -112,7 +112,6 @@ class StageNode(ManagedNode):
         use(self.config.load.threads)
         warm_up_ahead(self.config, self.detects, self._tell_compilation)
         give_back()
-        self.decimate()
         self.make_stage()
         self._camera.forget()
 

@@ -66,6 +66,7 @@ class PipelineNode(StageNode):
         self._pipeline.use_config(self.config)
         if restart or not self.config.load.adapt:
             self._control = LoadControl()
+            self._since_last_look()  # what there was to do before tells nothing
         self._take_step()
 
     def condition(self) -> Condition:
@@ -75,10 +76,7 @@ class PipelineNode(StageNode):
 
     def _follow_load(self) -> None:
         """More or less work where images take longer than their period, or have time to spare."""
-        times, self._compute_ms = self._compute_ms, []
-        now_s, received = time.monotonic(), self.stats.summary(time.monotonic_ns()).received
-        elapsed_s, images = now_s - self._looked_s, received - self._received
-        self._looked_s, self._received = now_s, received
+        times, elapsed_s, images = self._since_last_look()
         if not (self.active and self.config.load.adapt and times and images):
             return
         load = self.config.load
@@ -86,6 +84,14 @@ class PipelineNode(StageNode):
         if self._control.decide(1e-3 * sum(times) / len(times), period_s):
             self.locked(self._take_step)
             self.get_logger().warning(self._control.reduced or 'load: full work again')
+
+    def _since_last_look(self) -> tuple[list[float], float, int]:
+        """What each processed image took, milliseconds, the seconds gone by, and how many images were received."""
+        times, self._compute_ms = self._compute_ms, []
+        now_s, received = time.monotonic(), self.stats.summary(time.monotonic_ns()).received
+        elapsed_s, images = now_s - self._looked_s, received - self._received
+        self._looked_s, self._received = now_s, received
+        return times, elapsed_s, images
 
     def _take_step(self) -> None:
         self._pipeline.limit_width(self._control.step.width_share)

@@ -10,12 +10,12 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 from peers import PATIENT, Peer, found_each_other, picture, ready, set_parameters, small
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import CameraInfo, Image, Imu, PointCloud2
 from std_srvs.srv import Trigger
 from test_load import reported_while_publishing
+from test_stage_nodes import change
 
 from motion_detect_ros.bridge import stage_node
 from motion_detect_ros.bridge.images import header_of, image_to_msg, stamp_ns
@@ -35,7 +35,7 @@ TRANSITIONS = (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP, 
 
 def as_if_just_made(peer: Peer, node: str) -> None:
     for transition in TRANSITIONS:
-        assert peer.call(ChangeState, f'/{node}/change_state', transition=Transition(id=transition)).success
+        change(peer, node, transition)
 
 
 @pytest.fixture
@@ -173,7 +173,7 @@ def test_less_work_goes_on_after_a_setting(peer, overloaded):
     assert set_parameters(peer, 'pipeline', tracks__coast_s=0.2) == ['']
     reports.clear()
     show(6)
-    assert 'load reduced' in reports[0].status[0].message
+    assert reports and all('load reduced' in each.status[0].message for each in reports)
 
 
 def test_less_work_ends_with_a_clean_up(peer, overloaded):
@@ -193,6 +193,15 @@ def test_images_that_are_left_out_by_a_setting_leave_time_for_the_others(here):
     node._compute_ms, node._received, node._looked_s = [150.0] * 10, -30, stage_node.time.monotonic() - 1.0
     node._follow_load()
     assert 'load reduced' in node.condition().concern
+
+
+def test_work_from_before_a_clean_up_is_no_load_after_it(here):
+    node = here(PipelineNode, 'load.adapt:=true', 'preprocessing.max_width_px:=320')
+    node._compute_ms, node._received, node._looked_s = [200.0] * 10, -30, stage_node.time.monotonic() - 1.0
+    for transition in (node.trigger_deactivate, node.trigger_cleanup, node.trigger_configure, node.trigger_activate):
+        transition()
+    node._follow_load()
+    assert node.active and node.condition().concern == ''
 
 
 def test_a_stage_warms_up_no_more_kernels_for_other_settings_than_it_needs(here, monkeypatch):

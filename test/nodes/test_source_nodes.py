@@ -8,13 +8,13 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TransformStamped
 from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 from mcap.writer import Writer
 from peers import PATIENT, TIMEOUT_S, image_message, lossless, picture, ready, set_parameters, small
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu, PointCloud2
 from std_srvs.srv import Trigger
+from test_stage_nodes import change
 
 from motion_detect_ros.bridge.images import header_of, image_from_msg, stamp_ns
 from motion_detect_ros.bridge.records import detections_to_msg
@@ -469,7 +469,7 @@ def test_a_player_that_is_activated_again_starts_where_it_is_told(peer, start, t
     start('bag_player', '-p', f'bag:={transforms}', '-p', 'position_s:=7.0')
     assert peer.until(lambda: len(ticks) > 5)
     for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVATE):
-        assert peer.call(ChangeState, '/bag_player/change_state', transition=Transition(id=transition)).success
+        change(peer, 'bag_player', transition)
         if transition == Transition.TRANSITION_DEACTIVATE:
             peer.rest(LINGER_S)
             ticks.clear()
