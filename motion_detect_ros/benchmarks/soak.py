@@ -24,6 +24,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from types import FrameType
 
 import numpy as np
 
@@ -44,6 +45,7 @@ from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.feeder import Feeder
 from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.errors import ConfigError
+from motion_detect_ros.results.files import write_whole
 
 PERIOD_S = 10.0
 #: Memory after this share of the run is compared; before it, caches fill.
@@ -55,6 +57,7 @@ UNREPORTED, LOST_SHARE = 40, 0.002
 NODE = 'pipeline'
 #: Where the pictures are from without ``--real``.
 FLIGHT = 'built-in flight'
+_ENDING = (signal.SIGINT, signal.SIGTERM)
 
 
 @dataclass(frozen=True)
@@ -155,7 +158,7 @@ def soak(
                 print(_line(samples[-1]), flush=True)
     finally:
         summary = summarize(samples, rate_hz, FLIGHT if clip is None else clip.name, preset)
-        (folder / soak_faults.SUMMARY_NAME).write_text(json.dumps(asdict(summary), indent=1) + '\n', encoding='utf-8')
+        write_whole(folder / soak_faults.SUMMARY_NAME, json.dumps(asdict(summary), indent=1) + '\n')
     return summary
 
 
@@ -197,6 +200,13 @@ def _disturbed(given: argparse.Namespace) -> int:
     return 0 if verdict.steady else 1
 
 
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """The nodes end with this process; a second signal changes nothing, as what was seen is being written."""
+    for ending in _ENDING:
+        signal.signal(ending, signal.SIG_IGN)
+    raise KeyboardInterrupt
+
+
 @reports_errors
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line."""
@@ -208,7 +218,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--faults', choices=GRAPHS, help='disturb this graph all the time')
     parser.add_argument('-o', '--output', type=Path, default=Path('out/soak'), help='folder of the files')
     given = parser.parse_args(arguments)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # the nodes end with this process
+    handlers = {number: signal.signal(number, _interrupt) for number in _ENDING}
     try:
         if not given.minutes > 0.0 or not given.rate > 0.0:
             raise ConfigError(f'--minutes, --rate: expected over 0, got {given.minutes:g}, {given.rate:g}')
@@ -224,6 +234,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f'interrupted; {f"{seen} holds what was seen" if seen.is_file() else "nothing was seen yet"}',
               file=sys.stderr)
         return 1
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
     print(json.dumps(asdict(summary), indent=1))
     return 0 if summary.steady else 1
 

@@ -27,6 +27,7 @@ from motion_detect_ros.benchmarks.soak_verdict import LEAST_MINUTES, Fault, Proc
 from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.errors import ConfigError, SourceError
 from motion_detect_ros.core.types import ByteArray
+from motion_detect_ros.results.files import write_whole
 
 #: Pictures of the clip, played forward and backward.
 CLIP_FRAMES = 120
@@ -201,7 +202,7 @@ def run(minutes: float, graph_name: str, preset: str, rate_hz: float, folder: Pa
             verdict = judge(ran, graph_name, rate_hz, graph.feeder.sent, recorder.answers, recorder.samples,
                             recorder.faults, recorder.loads)
             text = json.dumps({**asdict(verdict), 'steady': verdict.steady, 'in_time': verdict.in_time}, indent=1)
-            (folder / SUMMARY_NAME).write_text(text + '\n', encoding='utf-8')
+            write_whole(folder / SUMMARY_NAME, text + '\n')
     return verdict
 
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import signal
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -82,6 +85,18 @@ class Fed:
             raise self._end('enough')
 
 
+class Signalled(Fed):
+    """Two answers, then the signal that a service manager sends."""
+
+    def __init__(self) -> None:
+        super().__init__(SourceError)
+
+    def check(self):
+        self._checks += 1
+        if self._checks == 3:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+
 @pytest.mark.parametrize(('end', 'code', 'words'), [
     (KeyboardInterrupt, 1, 'summary.json holds what was seen'), (SourceError, 2, 'error: enough')])
 def test_what_was_seen_before_the_end_is_judged_and_written(tmp_path, monkeypatch, capsys, end, code, words):
@@ -93,6 +108,41 @@ def test_what_was_seen_before_the_end_is_judged_and_written(tmp_path, monkeypatc
     summary = json.loads((tmp_path / 'summary.json').read_text())
     assert (summary['answered'], summary['sent'], summary['steady']) == (2, 7, False)
     assert summary['minutes'] < 30
+
+
+@pytest.mark.parametrize('second', [signal.SIGINT, signal.SIGTERM])
+def test_a_second_signal_while_the_verdict_is_written_changes_nothing(tmp_path, monkeypatch, capsys, second):
+    handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+
+    def interrupted_judge(*arguments):
+        os.kill(os.getpid(), second)
+        return judge(*arguments)
+
+    monkeypatch.setattr(soak_faults, 'Graph', lambda *_: Signalled())
+    monkeypatch.setattr(soak_faults, 'real_pictures', list)
+    monkeypatch.setattr(soak_faults, 'PERIOD_S', 0.0)
+    monkeypatch.setattr(soak_faults, 'judge', interrupted_judge)
+    assert soak.main(['--minutes', '30', '--faults', 'pipeline', '-o', str(tmp_path)]) == 1
+    assert 'summary.json holds what was seen' in capsys.readouterr().err
+    assert json.loads((tmp_path / 'summary.json').read_text())['answered'] > 0
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == handlers
+
+
+def test_a_verdict_that_cannot_be_written_whole_is_not_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(soak_faults, 'Graph', lambda *_: Fed(SourceError))
+    monkeypatch.setattr(soak_faults, 'real_pictures', list)
+    monkeypatch.setattr(soak_faults, 'PERIOD_S', 0.0)
+    monkeypatch.setattr(Path, 'write_text', write_half)
+    with pytest.raises(OSError, match='full'):
+        soak.main(['--minutes', '30', '--faults', 'pipeline', '-o', str(tmp_path)])
+    assert not (tmp_path / 'summary.json').exists()
+
+
+def write_half(path: Path, text: str, encoding: str) -> int:
+    """A disk that is full half-way."""
+    with path.open('w', encoding=encoding) as file:
+        file.write(text[:len(text) // 2])
+    raise OSError(28, 'full')
 
 
 def test_a_run_too_short_to_be_judged_is_refused(tmp_path, capsys):
