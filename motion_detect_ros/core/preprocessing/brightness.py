@@ -113,7 +113,8 @@ class Brightness:
         self._range = self._range + (1.0 - kept(seconds, MEMORY_S)) / max(1.0, far_more) * (now - self._range)
         contrast = self._range[1] - self._range[0]
         wider = (least - contrast) / (OTHER_CONTRAST * least - contrast) if least > contrast else 0.0
-        return self._range + wider * (now - self._range)
+        used: DoubleArray = self._range + wider * (now - self._range)
+        return used + _off(used, now)
 
 
 def _change(before: FloatArray, now: FloatArray) -> tuple[float, bool] | None:
@@ -148,10 +149,27 @@ def _brightened(log_gain: float) -> DoubleArray:
     return np.asarray(np.maximum.accumulate(values), np.float64)
 
 
+def _off(low_high: DoubleArray, now: DoubleArray) -> float:
+    """By how much ``low_high`` has to go up or down for a frame with percentiles ``now`` not to become white or black.
+
+    A scene that is brighter than those before it, or an exposure that goes up slowly, has its contrast elsewhere.
+    """
+    stretch = _stretch(low_high)
+    if stretch <= 1.0:
+        return 0.0
+    low, high = _unlimited(now, low_high).tolist()
+    return float(max(high - 255.0, 0.0) + min(low, 0.0)) / (stretch - 1.0)
+
+
 def _stretched(values: DoubleArray, low_high: DoubleArray) -> DoubleArray:
     """Grey values with at least ``LEAST_RANGE`` between two of them, the lower one where it was if there is room."""
-    low, high = low_high.tolist()
-    stretch = min(MAX_STRETCH, LEAST_RANGE / max(high - low, 1.0))
-    if stretch <= 1.0:
-        return values
-    return np.asarray(np.clip(min(low, 255.0 - LEAST_RANGE) + stretch * (values - low), 0.0, 255.0), np.float64)
+    return values if _stretch(low_high) <= 1.0 else np.clip(_unlimited(values, low_high), 0.0, 255.0)
+
+
+def _stretch(low_high: DoubleArray) -> float:
+    return min(MAX_STRETCH, LEAST_RANGE / max(float(low_high[1] - low_high[0]), 1.0))
+
+
+def _unlimited(values: DoubleArray, low_high: DoubleArray) -> DoubleArray:
+    low = float(low_high[0])
+    return np.asarray(min(low, 255.0 - LEAST_RANGE) + _stretch(low_high) * (values - low), np.float64)

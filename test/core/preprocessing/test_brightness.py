@@ -248,3 +248,45 @@ def test_cars_are_found_under_a_lamp_that_flickers_and_in_haze() -> None:
     assert clear > 60
     assert cars_found(1.0, 0.0, flicker=0.2) > 0.75 * clear
     assert cars_found(0.25, 150.0) > 0.85 * clear
+
+
+def levels(case: str) -> list[float]:
+    """Mean grey values of 100 dull pictures, by case."""
+    return {'cut to bright': [60.0] * 25 + [150.0] * 75, 'cut to dark': [170.0] * 25 + [60.0] * 75,
+            'exposure goes up': [60.0] * 25 + [*np.linspace(60.0, 150.0, 20)] + [150.0] * 55,
+            'exposure goes down': [170.0] * 25 + [*np.linspace(170.0, 60.0, 20)] + [60.0] * 55,
+            'from bright to dark and back': [*np.linspace(190.0, 40.0, 30), *np.linspace(40.0, 190.0, 70)]}[case]
+
+
+@pytest.mark.parametrize('case', [
+    'cut to bright', 'cut to dark', 'exposure goes up', 'exposure goes down', 'from bright to dark and back'])
+@pytest.mark.parametrize('gained', [False, True], ids=['haze', 'gain'])
+def test_dull_pictures_of_another_brightness_show_no_less(case: str, gained: bool) -> None:
+    """Haze adds to the grey values, the exposure multiplies them."""
+    world, found, pictures = scene(), [], []
+    brightness = Brightness()
+    for index, level in enumerate(levels(case)):
+        view = world[:, 4 * (index % 100):4 * (index % 100) + WIDTH] - 75.0
+        pictures.append(lit(level + 0.12 * (level / 100.0 if gained else 1.0) * view, 1.0))
+        found.append(brightness.step(pictures[-1], (index + 1) * PERIOD_NS))
+    for index, (picture, seen) in enumerate(zip(pictures, found, strict=True)):
+        low, high = np.percentile(picture, [5, 95])
+        inner = (picture > low + 1) & (picture < high - 1)
+        assert not np.isin(seen[inner], (0, 255)).any(), f'picture {index}'
+        assert spread(seen) > 1.2 * spread(picture), f'picture {index}'
+
+
+def test_what_moves_is_found_while_the_light_of_a_dull_day_changes() -> None:
+    """An object in front of a hazy scene whose exposure goes up by a factor of 2.5 in 0.8 s."""
+    random, count = np.random.default_rng(1), []
+    world, thing = (cv2.GaussianBlur(random.normal(size=size), (0, 0), 2.5) * 12.0 for size in ((360, 1000), (40, 60)))
+    pipeline = MotionPipeline(load_preset('default'))
+    for index in range(90):
+        view = world[:, 4 * index:4 * index + 640].copy()
+        left = (20 + 8 * index) % 560
+        view[100:140, left:left + 60] = thing
+        image = lit(60.0 + 5.0 * view, 2.5 ** min(1.0, max(0.0, (index - 25) / 20.0)))
+        count.append(len(pipeline.process(image, (index + 1) * PERIOD_NS).detections))
+    pipeline.wait()
+    assert np.count_nonzero(count[5:25]) > 5, 'as it begins'
+    assert np.count_nonzero(count[45:70]) > 5, 'and once it is brighter'
