@@ -15,23 +15,21 @@ MIN_FRAMES, FEW_MISSES = 6, 3
 
 
 class DetectedTime:
-    """The frames of the last ``window_s`` seconds, each with its period and how the object was detected."""
+    """The last frames, each with its period and how the object was detected."""
 
-    def __init__(self, window_s: float) -> None:
-        self._window_s = window_s
-        self._periods: deque[float] = deque()
-        self._detected: deque[bool] = deque()
-        self._measured: deque[bool] = deque()
+    def __init__(self, dt_s: float, measured: bool) -> None:
+        """First detected in a frame with a period of ``dt_s``; measured: see ``Candidate``."""
+        self._periods, self._detected, self._measured = deque([dt_s]), deque([True]), deque([measured])
 
-    def add(self, dt_s: float, detected: bool, measured: bool = True) -> None:
+    def add(self, dt_s: float, window_s: float, detected: bool, measured: bool = True) -> None:
         """Add a frame; dt_s: since the one before, seconds; measured: see ``Candidate``.
 
-        Frames that do not fit the window are removed.
+        Frames that do not fit the last ``window_s`` seconds are removed.
         """
         self._periods.append(dt_s)
         self._detected.append(detected)
         self._measured.append(detected and measured)
-        while len(self._periods) > MIN_FRAMES and exceeded(sum(self._periods), self._window_s, dt_s):
+        while len(self._periods) > MIN_FRAMES and exceeded(sum(self._periods), window_s, dt_s):
             for each in (self._periods, self._detected, self._measured):
                 each.popleft()
 

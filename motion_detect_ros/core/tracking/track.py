@@ -41,16 +41,15 @@ AT_REST: Rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 class Track:
     """One object over time; times are seconds, lengths full-resolution pixels."""
 
-    def __init__(self, seen: Candidate, dt_s: float, window_s: float) -> None:
-        """dt_s: period of the frame it was seen in; window_s: of ``detected``; seconds."""
+    def __init__(self, seen: Candidate, dt_s: float) -> None:
+        """dt_s: period of the frame it was seen in, seconds."""
         self.id = 0
         centre, self.size = _pair(seen.centre), _pair(seen.size)
         self._filter = MotionFilter(centre, _pair(seen.velocity_px_s), self._noise())
         self.seen = seen
         self.age = 1
         self.coasted_s, self.coasted_frames = 0.0, 0
-        self.detected = DetectedTime(window_s)
-        self.detected.add(dt_s, True, seen.measured)
+        self.detected = DetectedTime(dt_s, seen.measured)
         self.log_odds = _weight(dt_s) * seen.log_odds
         self.travelled_log_odds = 0.0
         self._travel = Travel(centre)

@@ -77,7 +77,7 @@ class Tracker:
         pairs = self._assign(candidates)
         for index, track in enumerate(self._tracks):
             hit = index in pairs
-            track.detected.add(dt_s, hit, hit and candidates[pairs[index]].measured)
+            track.detected.add(dt_s, self._config.confirm_window_s, hit, hit and candidates[pairs[index]].measured)
             if hit:
                 track.update(candidates[pairs[index]], dt_s)
                 self._remember(track, gray, width)
@@ -87,7 +87,7 @@ class Tracker:
         taken = set(pairs.values())
         for index, seen in enumerate(candidates):
             if index not in taken:
-                self._tracks.append(Track(seen, min(dt_s, self._period_s), self._config.confirm_window_s))
+                self._tracks.append(Track(seen, min(dt_s, self._period_s)))
         self._period_s = dt_s
         self._weigh_travel()
         self._confirm()
@@ -102,7 +102,7 @@ class Tracker:
         self._predict(matrix, dt_s, width, height)
         for track in self._tracks:
             track.coast_unobserved(dt_s)
-            track.detected.add(dt_s, False)
+            track.detected.add(dt_s, self._config.confirm_window_s, False)
         self._drop_ended(width, height)
 
     def coast_without_frame(self, dt_s: float, width: int) -> None:

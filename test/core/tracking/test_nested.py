@@ -13,7 +13,7 @@ from motion_detect_ros.core.tracking.track import Track
 
 def track(left: float, width: float, age: int, speed: float = 10.0) -> Track:
     seen = Candidate(np.array([left + width / 2.0, 50.0]), np.array([width, 20.0]), np.array([speed, 0.0]), 1.0, 1.0, 1)
-    one = Track(seen, 0.04, 1.0)
+    one = Track(seen, 0.04)
     one.age = age
     return one
 

@@ -34,6 +34,17 @@ def test_confirmed_after_enough_hits_and_never_by_flicker():
         assert len(tracker.step(seen, np.eye(3), DT_S, 640, 480)) == 0
 
 
+@pytest.mark.parametrize('window_s', [5 * DT_S, 25 * DT_S])
+def test_a_window_that_changes_counts_for_the_tracks_that_there_are(window_s: float):
+    """Of an object seen in every second frame 5 of 9 frames show it, and never 5 of 5."""
+    tracker = Tracker(replace(CONFIG, confirm_s=5 * DT_S, confirm_window_s=30 * DT_S - window_s))
+    tracker.step([candidate(100, 100)], np.eye(3), DT_S, 640, 480)
+    tracker.use_config(replace(CONFIG, confirm_s=5 * DT_S, confirm_window_s=window_s, coast_s=5 * DT_S))
+    counts = [len(tracker.step([candidate(100, 100)] if index % 2 else [], np.eye(3), DT_S, 640, 480))
+              for index in range(40)]
+    assert any(counts) == (window_s == 25 * DT_S)
+
+
 @pytest.mark.parametrize('gap_s', [2 * DT_S, 4 * DT_S, 20 * DT_S])
 def test_time_before_an_object_was_seen_does_not_speak_for_it(gap_s: float):
     tracker = Tracker(CONFIG)
