@@ -100,6 +100,8 @@ def test_broken_samples_are_left_out_and_an_earlier_stamp_begins_anew():
         buffer.add(time_ms * MS, np.array([0.0, 0.0, 1.0]))
         buffer.add(time_ms * MS + 1, np.array([0.0, np.nan, 1.0]))
         buffer.add(time_ms * MS + 2, np.zeros(2))
+        buffer.add(time_ms * MS + 3, np.array([0.0, 0.0, 1e300]))
+        buffer.add(time_ms * MS + 4, np.array([0.0, -1001.0, 1.0]))
     np.testing.assert_allclose(buffer.rotation(0, 100 * MS)[0, 1], np.sin(0.1), atol=1e-9)
     buffer.add(5 * MS, np.array([0.0, 0.0, -1.0]))
     np.testing.assert_allclose(buffer.rotation(0, 100 * MS)[0, 1], -np.sin(0.1), atol=1e-9)

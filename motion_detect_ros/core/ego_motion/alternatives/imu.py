@@ -20,6 +20,8 @@ from motion_detect_ros.core.types import NANOSECONDS, CameraModel, DoubleArray
 
 #: Samples kept at most: 20 s at 1000 Hz.
 CAPACITY = 20_000
+#: Faster than any gyroscope measures, rad/s; most end at 35 or 70 (2000 or 4000 degrees/s).
+MAX_RATE = 1000.0
 #: Depth after the rotation of a point that had depth 1, under which it is out of view.
 MIN_DEPTH = 0.1
 
@@ -40,11 +42,11 @@ class GyroBuffer:
     def add(self, stamp_ns: int, rate: DoubleArray) -> None:
         """One sample. stamp_ns: of the IMU's clock; rate: (3,) rad/s in the IMU's frame.
 
-        Samples that are not finite or have the stamp of the last one are ignored; an earlier stamp clears the
-        buffer (a new recording).
+        Samples that are not finite, that no gyroscope measures, or that have the stamp of the last one are ignored; an
+        earlier stamp clears the buffer (a new recording).
         """
         measured = np.asarray(rate, np.float64)
-        if measured.shape != (3,) or not np.isfinite(measured).all():
+        if measured.shape != (3,) or not (np.abs(measured) < MAX_RATE).all():
             return
         stamp_ns += self._offset_ns
         if self._samples and stamp_ns == self._samples[-1][0]:
