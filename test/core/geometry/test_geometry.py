@@ -165,3 +165,17 @@ class TestBoxes:
         # gap 4 <= 0.4 * 20; gap from the union at 64 to 90 is 26 > 0.4 * 10
         joined = joined_patches([big, near, far])
         assert sorted((p.box.left, p.box.right, p.pixels) for p in joined) == [(0, 64, 1200), (90, 100, 80)]
+
+    @pytest.mark.parametrize(('beside', 'below', 'one'), [(8, 0, True), (9, 0, False), (0, 8, True), (6, 6, False)])
+    def test_parts_are_joined_where_their_common_box_is_hardly_larger(self, beside, below, one):
+        """Two of 20 x 20 pixels, whose gap may be 8, in a box of at most 1040."""
+        left, top = 20 + beside if beside else 0, 20 + below if below else 0
+        parts = [Patch(Box(0, 0, 20, 20), 50), Patch(Box(left, top, left + 20, top + 20), 60)]
+        assert len(joined_patches(parts)) == (1 if one else 2)
+
+    def test_a_third_part_joins_two_that_it_lies_between(self):
+        ends = [Patch(Box(0, 0, 20, 20), 50), Patch(Box(40, 0, 60, 20), 60)]
+        assert len(joined_patches(ends)) == 2
+        between = Patch(Box(20, 0, 40, 20), 70)
+        for parts in ([*ends, between], [between, *ends], [ends[0], between, ends[1]]):
+            assert joined_patches(parts) == [Patch(Box(0, 0, 60, 20), 180)]
