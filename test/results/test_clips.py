@@ -57,3 +57,13 @@ def test_runs_of_one_input_share_its_truth_also_where_it_was_moved(tmp_path: Pat
     truth.parent.mkdir()
     truth.touch()
     assert truth_of_clips(clips, [truth.parent]) == {'one': truth, 'two': truth}
+
+
+def test_a_recording_has_no_truth_by_the_summary_of_a_replay_beside_it(tmp_path: Path) -> None:
+    """``replay a.mcap -o .`` leaves the summary of a beside b, which ``tune`` takes too."""
+    run_of(tmp_path / 'flights', 'flights/a.mcap')
+    truth = tmp_path / 'truth' / 'a.csv'
+    truth.parent.mkdir()
+    truth.touch()
+    recordings = {name: tmp_path / 'flights' / f'{name}.mcap' for name in 'ab'}
+    assert truth_of_clips(recordings, [truth.parent]) == {'a': truth}
