@@ -18,10 +18,11 @@ from motion_detect_ros.sources.bags import BagWriter
 from motion_detect_ros.sources.frames import DEFAULT_FPS, FrameSource, SourceFrame
 from motion_detect_ros.sources.images import ImageSequence, image_folder
 from motion_detect_ros.sources.kitti import KittiDrive, OxtsSample
+from motion_detect_ros.sources.numbered_pictures import truth_of_input
 from motion_detect_ros.sources.opening import check_name, check_rate
-from motion_detect_ros.sources.truth import read_truth, write_truth
+from motion_detect_ros.sources.truth import write_truth
 from motion_detect_ros.sources.video import VideoFile
-from motion_detect_ros.sources.visdrone import truth_of_sequence, visdrone_sequence
+from motion_detect_ros.sources.visdrone import visdrone_sequence
 
 IMU_TOPIC, IMU_FRAME = '/imu', 'imu'
 FIX_TOPIC = '/gps/fix'
@@ -63,9 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
     refuse_existing(written, arguments.force)
     check_name(arguments.input)
     source = _open(kind, arguments.input, fps)
-    truth = read_truth(annotations) if annotations else None
-    if truth is not None and kind == 'visdrone' and isinstance(source, ImageSequence):
-        truth = truth_of_sequence(truth, source)
+    truth = truth_of_input(annotations, arguments.input).boxes if annotations else None
     count = convert(source, arguments.output, getattr(arguments, 'compressed', False), truth)
     bad = f', {source.bad_frames} unreadable frames left out' if source.bad_frames else ''
     print(f'{arguments.output}: {count} frames{bad}' + (f'; {source.damaged}' if source.damaged else ''))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,8 @@ from motion_detect_ros.results.metrics import (
     frame_counts,
     judge_frame,
 )
-from motion_detect_ros.sources.truth import Truth, load_truth
+from motion_detect_ros.sources.numbered_pictures import truth_of_input
+from motion_detect_ros.sources.truth import Truth
 
 #: What counts as found in the pictures and the plot of errors.
 PICTURE_IOU = 0.3
@@ -62,13 +63,14 @@ class Judged:
         return self.scores['moving', IOUS[0]]
 
 
-def judge(replayed: Replayed, path: Path) -> Judged:
+def judge(replayed: Replayed, path: Path, source: str | None = None) -> Judged:
     """Match the boxes of a replay with the truth in a file, frame by frame.
 
-    Scores are those of ``evaluate``; of an interrupted replay only the frames count that it came to.
+    source: where the input is now, when it was moved: labels may go by the names of its pictures. Scores are those of
+    ``evaluate``; of an interrupted replay only the frames count that it came to.
     Raises: SourceError for truth that cannot be read.
     """
-    truth = load_truth(path)
+    truth = truth_of_input(path, source or replayed.summary.input)
     boxes = truth.boxes[np.isin(truth.boxes['frame'], replayed.frames['frame'])]
     boxes = boxes[np.argsort(boxes['frame'], kind='stable')]
     by_frame = {frame: boxes_of_truth(replayed.of_frame(frame)) for frame in replayed.frames['frame'].tolist()}
@@ -90,7 +92,7 @@ def judge(replayed: Replayed, path: Path) -> Judged:
         misses[row], false_boxes[row] = (~verdict.found).sum(), wrong.sum()
         tally.add(True, frame, verdict.wanted['id'], ~verdict.found, boxes_of_truth(verdict.wanted))
         tally.add(False, frame, replayed.of_frame(frame)['id'], wrong, predicted)
-    return Judged(path, Truth(boxes, truth.form, truth.says_what_moves), scores, misses, false_boxes, found,
+    return Judged(path, replace(truth, boxes=boxes), scores, misses, false_boxes, found,
                   tally.worst())
 
 

@@ -31,7 +31,7 @@ def make_report(
     if not folder.is_dir():
         raise SourceError(f'{folder}: expected the folder of a replay')
     replayed = read_replayed(folder)
-    judged = judge(replayed, truth) if truth else None
+    judged = judge(replayed, truth, source) if truth else None
     everything = tracked_objects(replayed)
     objects, plan = listed(everything), plan_film(replayed)
     with ThreadPoolExecutor(1) as beside:  # packing takes a second core while the film is made

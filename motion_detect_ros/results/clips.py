@@ -42,8 +42,8 @@ def all_clips(paths: Iterable[Path]) -> dict[str, Path]:
 def truth_of_clips(clips: Mapping[str, Path], truths: Sequence[Path]) -> dict[str, Path]:
     """The truth of each clip: as many files as clips, in their order, or a folder of files matched by name.
 
-    clips: detections.csv by name, for which the name of the input that its summary tells is looked for too, unless it is
-    that of several different inputs; or recordings by name. Clips without truth are not in it.
+    clips: recordings by name, or detections.csv, where the name of the input that its summary tells is looked for too,
+    unless it is that of several different inputs. Clips without truth are not in it.
     Raises: SourceError where numbers do not fit or nothing matches.
     """
     names = list(clips)

@@ -10,7 +10,7 @@ import numpy as np
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.results.bootstrap import Bootstrap, resampled_f1
-from motion_detect_ros.results.found import Found, read_found, replayed_frames, window_frames
+from motion_detect_ros.results.found import Found, read_found, replayed_frames, replayed_input, window_frames
 from motion_detect_ros.results.metrics import (
     COUNTINGS,
     NO_BOXES,
@@ -21,7 +21,8 @@ from motion_detect_ros.results.metrics import (
     frame_counts,
     judge_frame,
 )
-from motion_detect_ros.sources.truth import Truth, load_truth
+from motion_detect_ros.sources.numbered_pictures import truth_of_input
+from motion_detect_ros.sources.truth import Truth
 
 #: Frames at the start that are not counted: a detector that confirms over frames reports nothing there yet.
 WARM_UP_FRAMES = 10
@@ -75,10 +76,12 @@ def evaluate_clip(
     """Read one clip. files: detections.csv by run; last_frame: last one counted, by default the last of all.
 
     All frames from ``skip`` on count, those of the replay where its summary lies beside the detections, at least up to
-    the last one with truth or detections; of a replay of part of its source those that all runs processed.
+    the last one with truth or detections; of a replay of part of its source those that all runs processed. Labels go by
+    the names of the input's pictures where the summary says where these are.
     Raises: SourceError.
     """
-    truth = load_truth(truth_path)
+    inputs = [source for file in files.values() if (source := replayed_input(file)) and Path(source).exists()]
+    truth = truth_of_input(truth_path, inputs[0] if inputs else None)
     found = {run: read_found(file) for run, file in files.items()}
     total = 1 + last_frame if last_frame is not None else max(
         max(frame_count(truth.boxes, found[run].boxes), replayed_frames(file)) for run, file in files.items())

@@ -73,6 +73,13 @@ def replayed_frames(detections: Path) -> int:
         raise SourceError(f'{path}: expected the count source_frames, got {found}') from None
 
 
+def replayed_input(detections: Path) -> str | None:
+    """The path of what ``detections`` are of; None without a summary that says so. Raises: SourceError."""
+    content = _summary(detections)
+    source = content.get('input') if isinstance(content, dict) else None
+    return source if isinstance(source, str) else None
+
+
 def window_frames(detections: Path) -> frozenset[int] | None:
     """The frames that were processed, where a replay took part of its source only; None where it took all.
 

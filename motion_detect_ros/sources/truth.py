@@ -32,12 +32,14 @@ _RowParser = Callable[[list[str]], _Row | None]
 @dataclass(frozen=True)
 class Truth:
     """``boxes``: ``TRUTH_DTYPE``; ``form``: the format read; ``says_what_moves``: False where the labels do not
-    tell moving from standing objects, so that every object has ``moving`` = 1.
+    tell moving from standing objects, so that every object has ``moving`` = 1; ``first``: number of frame 0 in labels
+    that number pictures, None where they count frames.
     """
 
     boxes: RecordArray
     form: str
     says_what_moves: bool
+    first: int | None = None
 
 
 def read_truth(path: str | Path) -> RecordArray:
@@ -67,11 +69,11 @@ def load_truth(path: str | Path) -> Truth:
         return _load_csv(path, lines)
     cells = first.strip().rstrip(',').split(',')
     if len(cells) == _VISDRONE_COLUMNS and all(cell.strip().isdigit() for cell in cells[7:]):
-        return Truth(_parse(path, lines, ',', _visdrone_row), 'VisDrone MOT annotation', False)
+        return Truth(_parse(path, lines, ',', _visdrone_row), 'VisDrone MOT annotation', False, 1)
     if len(cells) in _MOT_COLUMNS:
-        return Truth(_parse(path, lines, ',', _mot_row), 'MOT Challenge annotation', False)
+        return Truth(_parse(path, lines, ',', _mot_row), 'MOT Challenge annotation', False, 1)
     if len(first.split()) == _KITTI_COLUMNS:
-        return Truth(_parse(path, lines, None, _kitti_row), 'KITTI tracking labels', False)
+        return Truth(_parse(path, lines, None, _kitti_row), 'KITTI tracking labels', False, 0)
     raise SourceError(
         f'{path}: first line {first[:60]!r}; expected a VisDrone annotation (10 columns, commas), a MOT Challenge '
         'annotation (6 to 10 columns, commas), KITTI tracking labels (17 columns, blanks) or a CSV with header '

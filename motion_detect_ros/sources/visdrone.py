@@ -7,10 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from motion_detect_ros.core.errors import SourceError
-from motion_detect_ros.core.types import RecordArray
 from motion_detect_ros.sources.frames import DEFAULT_FPS, describe_folder
 from motion_detect_ros.sources.images import ImageSequence, image_files, image_folder
 
@@ -26,15 +23,3 @@ def visdrone_sequence(folder: str | Path, fps: float = DEFAULT_FPS) -> ImageSequ
     if not files or not all(file.stem.isdigit() for file in files):
         raise SourceError(f'{folder}: found {describe_folder(folder)}; expected {LAYOUT}')
     return image_folder(folder, fps)
-
-
-def truth_of_sequence(truth: RecordArray, sequence: ImageSequence) -> RecordArray:
-    """The part of an annotation that has pictures, with ``frame`` counted from the first picture.
-
-    truth: ``TRUTH_DTYPE`` with frame = picture number - 1, as ``read_truth`` gives it. An excerpt of a sequence
-    keeps its file names, so its first picture may have any number.
-    """
-    position = {int(file.stem) - 1: index for index, file in enumerate(sequence.files)}
-    kept = truth[np.isin(truth['frame'], list(position))].copy()
-    kept['frame'] = [position[frame] for frame in kept['frame'].tolist()]
-    return kept

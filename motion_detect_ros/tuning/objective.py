@@ -12,7 +12,7 @@ from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.results.bootstrap import f1_of
 from motion_detect_ros.results.evaluation import WARM_UP_FRAMES
 from motion_detect_ros.results.metrics import COUNTINGS, CountArray, frame_counts
-from motion_detect_ros.sources.truth import read_truth
+from motion_detect_ros.sources.numbered_pictures import truth_of_input
 from motion_detect_ros.tuning.agreement import against_each_other, agreement
 from motion_detect_ros.tuning.recording import Clip, Recording, detect, load
 
@@ -39,7 +39,8 @@ class TruthObjective:
             raise SourceError(f'{recording.path}: expected truth, got none')
         clip = load(recording)
         frames = [picture.index for picture in clip.pictures][WARM_UP_FRAMES:]
-        return frame_counts(read_truth(recording.truth), detect(clip, config).boxes, self._iou, self._wanted, frames)
+        truth = truth_of_input(recording.truth, recording.path).boxes
+        return frame_counts(truth, detect(clip, config).boxes, self._iou, self._wanted, frames)
 
     def paired(self, start: CountArray, candidate: CountArray) -> CountArray:
         """As they are."""

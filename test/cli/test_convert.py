@@ -170,3 +170,20 @@ def test_a_truth_that_is_there_is_not_overwritten(
     assert not (tmp_path / 'out.mcap').exists()
     assert main([*words, '--force']) == 0
     assert len(read_truth(mine)) == 1
+
+
+def test_labels_of_an_excerpt_of_a_drive_go_by_the_names_of_its_pictures(tmp_path: Path) -> None:
+    """Pictures 40 to 42; the left edge of the box in picture N is N."""
+    data = tmp_path / 'drive' / 'image_02' / 'data'
+    data.mkdir(parents=True)
+    for number in (40, 41, 42):
+        cv2.imwrite(str(data / f'{number:010d}.png'), np.full((36, 64), number, np.uint8))
+    (data.parent / 'timestamps.txt').write_text(''.join(
+        f'2011-09-26 13:02:{number // 10:02d}.{number % 10}00000000\n' for number in range(50)))
+    labels = tmp_path / 'labels.txt'
+    labels.write_text(''.join(f'{number} 1 Car 0 0 -1.9 {number} 20 60 30 1.7 0.8 1.8 1.6 1.7 5.8 -1.7\n'
+                              for number in (0, 1, 2, 40, 42)))
+    assert main(['convert', 'kitti', str(tmp_path / 'drive'), '-o', str(tmp_path / 'out.mcap'),
+                 '--annotations', str(labels)]) == 0
+    truth = read_truth(tmp_path / 'out.truth.csv')
+    assert list(zip(truth['frame'].tolist(), truth['x'].tolist(), strict=True)) == [(0, 40), (2, 42)]

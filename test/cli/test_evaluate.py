@@ -243,3 +243,20 @@ def test_worst_frames_are_read_again_from_the_input(
     assert tuple(inside[30, 290]) == (70, 70, 70), 'the picture of frame 7'
     assert tuple(inside[20, 215]) == FALSE_BGR
     assert tuple(inside[20, 115]) == MISSED_BGR
+
+
+def test_labels_of_an_excerpt_go_by_the_names_of_its_pictures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Pictures 101 to 140 of a VisDrone sequence; the box of picture N is N pixels from the left, its width 8."""
+    (tmp_path / 'excerpt').mkdir()
+    for number in range(101, 141):
+        cv2.imwrite(str(tmp_path / 'excerpt' / f'{number:07d}.jpg'), np.full((120, 320), 90, np.uint8))
+    assert main(['replay', str(tmp_path / 'excerpt'), '-o', str(tmp_path / 'out')]) == 0
+    (tmp_path / 'out' / 'detections.csv').write_text('frame,id,x,y,w,h\n' + ''.join(
+        f'{frame},1,{101 + frame},20,8,8\n' for frame in range(40)))
+    (tmp_path / 'annotation.txt').write_text(''.join(
+        f'{number},1,{number},20,8,8,1,4,0,0\n' for number in range(1, 201)))
+    capsys.readouterr()
+    result = run_json(capsys, 'evaluate', str(tmp_path / 'out'), '--truth', str(tmp_path / 'annotation.txt'))
+    assert (result['frames'], result['moving@0.5']['f1']) == (30, 1.0)  # type: ignore[index]

@@ -9,9 +9,8 @@ import pytest
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import TRUTH_DTYPE
-from motion_detect_ros.sources.images import ImageSequence
+from motion_detect_ros.sources.numbered_pictures import truth_of_input
 from motion_detect_ros.sources.truth import load_truth, read_truth, write_truth
-from motion_detect_ros.sources.visdrone import truth_of_sequence, visdrone_sequence
 
 KITTI_TAIL = '1.7 0.8 1.8 1.6 1.7 5.8 -1.7'
 
@@ -101,12 +100,6 @@ def test_malformed_truth_names_the_line(tmp_path: Path, text: str, message: str)
         load_truth(write(tmp_path / 'a.txt', text))
 
 
-def test_an_excerpt_keeps_its_picture_numbers(tmp_path: Path) -> None:
-    sequence = ImageSequence([tmp_path / f'{n:07d}.jpg' for n in (102, 103)], [0, 1], 'excerpt')
-    truth = read_truth(write(tmp_path / 'a.txt', ''.join(f'{n},5,{n},0,9,9,1,4,0,0\n' for n in (101, 102, 103, 104))))
-    assert [(row['frame'], row['x']) for row in truth_of_sequence(truth, sequence)] == [(0, 102), (1, 103)]
-
-
 def test_real_annotations(clips: Path) -> None:
     folder = clips / 'visdrone/VisDrone2019-MOT-val'
     name = 'uav0000086_00000_v'
@@ -114,8 +107,8 @@ def test_real_annotations(clips: Path) -> None:
     # grep -c '^1,' and grep -c '^464,' of the file; its last frame is 464
     assert np.sum(truth.boxes['frame'] == 0) == 36
     assert truth.boxes['frame'].max() == 463
-    sequence = visdrone_sequence(folder / 'sequences' / name)
-    assert set(truth_of_sequence(truth.boxes, sequence)['frame']) == set(range(12))
+    excerpt = truth_of_input(folder / f'annotations/{name}.txt', folder / 'sequences' / name)
+    assert set(excerpt.boxes['frame']) == set(range(12))
     kitti = load_truth(clips / 'kitti/label_02/0000.txt')
     van = kitti.boxes[(kitti.boxes['frame'] == 0) & (kitti.boxes['id'] == 0)][0]
     assert (van['x'], van['y']) == (296.744956, 161.752147)

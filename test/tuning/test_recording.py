@@ -1,0 +1,28 @@
+"""What is tuned on: the frames that ``replay`` would process, and the labels of its pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.tuning.objective import TruthObjective
+from motion_detect_ros.tuning.recording import Recording
+
+
+def pictures(folder: Path, numbers: range) -> Path:
+    """Grey pictures named by their numbers; nothing moves in them."""
+    folder.mkdir()
+    for number in numbers:
+        assert cv2.imwrite(str(folder / f'{number:07d}.png'), np.full((96, 128), 90, np.uint8))
+    return folder
+
+
+def test_labels_of_an_excerpt_go_by_the_names_of_its_pictures(tmp_path: Path) -> None:
+    folder = pictures(tmp_path / 'excerpt', range(101, 121))
+    labels = tmp_path / 'annotation.txt'
+    labels.write_text(''.join(f'{number},1,10,20,8,8,1,4,0,0\n' for number in range(114, 200)))
+    counts = TruthObjective('moving', 0.3).measure(Recording(str(folder), labels), PipelineConfig())
+    assert counts.tolist() == [[0, 0, 0]] * 3 + [[0, 0, 1]] * 7, 'from picture 111 on, after the warm-up'
