@@ -16,8 +16,9 @@ from typing import Any
 
 from motion_detect_ros.cli.progress import Board
 from motion_detect_ros.core.config import PipelineConfig
-from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.core.errors import ConfigError, SourceError
 from motion_detect_ros.core.settings import settings
+from motion_detect_ros.core.threads import use
 from motion_detect_ros.presets import load_preset, write_preset
 from motion_detect_ros.results.clips import truth_of_clips
 from motion_detect_ros.results.files import write_whole
@@ -59,12 +60,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Search, write preset and report, return the exit code: 1 where no gain was shown.
 
-    Raises: SourceError for unreadable inputs and wrong numbers; ConfigError for an unknown preset or setting;
-    BackendError where optuna is missing.
+    Raises: SourceError for unreadable inputs and wrong numbers; ConfigError for an unknown preset or setting, or
+    one that wants angular rates; BackendError where optuna is missing.
     """
     _check(arguments)
     start, searched = load_preset(arguments.preset), dimensions(arguments.settings)
+    if start.imu.use:
+        raise ConfigError(f'{arguments.preset}: imu.use: expected false, as tune uses the pictures only, got true')
     recordings = _recordings(arguments)
+    use(start.load.threads)
     _make_folder(arguments.output)
     if arguments.force:
         (arguments.output / STORAGE_NAME).unlink(missing_ok=True)

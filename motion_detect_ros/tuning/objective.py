@@ -37,7 +37,7 @@ class TruthObjective:
         """(F, 3) of ``frame_counts``. Raises: SourceError where the recording or its truth cannot be read."""
         if recording.truth is None:
             raise SourceError(f'{recording.path}: expected truth, got none')
-        clip = load(recording)
+        clip = load(recording, config)
         frames = [picture.index for picture in clip.pictures][WARM_UP_FRAMES:]
         truth = truth_of_input(recording.truth, recording.path).boxes
         return frame_counts(truth, detect(clip, config).boxes, self._iou, self._wanted, frames)
@@ -55,7 +55,7 @@ class AgreementObjective:
 
     def measure(self, recording: Recording, config: PipelineConfig) -> CountArray:
         """(F, 2) of ``agreement``; neither run counts while it warms up. Raises: SourceError."""
-        clip = load(recording)
+        clip = load(recording, config)
         frames = [picture.index for picture in clip.pictures][WARM_UP_FRAMES:-WARM_UP_FRAMES]
         return agreement(detect(clip, config), detect(Clip.reversed(clip), config), frames, self._iou)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import FrameError, SourceError
+from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.stamp_order import StampOrder
 from motion_detect_ros.core.types import ByteArray, CameraModel
@@ -39,7 +40,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Clip:
-    """The usable pictures of a recording, in order of time."""
+    """The pictures of a recording that are processed, in order of time."""
 
     pictures: Sequence[Picture]
     camera: CameraModel | None
@@ -51,14 +52,16 @@ class Clip:
                     self.camera)
 
 
-def load(recording: Recording) -> Clip:
-    """Read and decode a recording; pictures without a usable stamp are left out.
+def load(recording: Recording, config: PipelineConfig) -> Clip:
+    """Read and decode a recording, without pictures that have no usable stamp and those that ``load.decimation_keep``
+    of ``load.decimation_of`` leave out.
 
     Raises: SourceError for one that cannot be read or holds no pictures.
     """
     source, order = open_source(recording.path, recording.fps, recording.topic), StampOrder()
+    decimation = FrameDecimation(config.load.decimation_keep, config.load.decimation_of)
     pictures = [Picture(frame.index, frame.image, frame.stamp_ns) for frame in islice(source, recording.limit)
-                if order.judge(frame.stamp_ns).usable]
+                if order.judge(frame.stamp_ns).usable and decimation.keep_next()]
     if not pictures:
         raise SourceError(f'{recording.path}: expected pictures, found none')
     return Clip(pictures, source.camera)

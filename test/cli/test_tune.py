@@ -12,6 +12,7 @@ import pytest
 from test_pipeline import SIDE, box_of, scene
 
 from motion_detect_ros.__main__ import main
+from motion_detect_ros.core.threads import limited, threads
 from motion_detect_ros.presets import load_preset
 from motion_detect_ros.tuning.objective import TruthObjective
 from motion_detect_ros.tuning.recording import Recording
@@ -87,6 +88,21 @@ def test_where_there_is_nothing_but_luck_the_start_stays(
     assert report['searched_gain'] > 0 and not report['gain_shown']
     assert load_preset(tmp_path / 'preset.yaml') == load_preset(flight / 'bad.yaml')
     assert load_preset(tmp_path / 'candidate.yaml') != load_preset(flight / 'bad.yaml')
+
+
+def test_threads_are_those_of_the_preset(flight: Path, tmp_path: Path) -> None:
+    (tmp_path / 'one.yaml').write_text('/**: {ros__parameters: {load: {threads: 1}}}')
+    with limited(2):
+        tune(flight, tmp_path / 'out', '--preset', str(tmp_path / 'one.yaml'), '--trials', '1')
+        assert threads() == 1
+
+
+def test_angular_rates_are_not_tuned_with(flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / 'imu.yaml').write_text('/**: {ros__parameters: {imu: {use: true}}}')
+    assert tune(flight, tmp_path / 'out', '--preset', str(tmp_path / 'imu.yaml'), '--trials', '1') == 2
+    assert capsys.readouterr().err == (
+        f'error: {tmp_path}/imu.yaml: imu.use: expected false, as tune uses the pictures only, got true\n')
+    assert not (tmp_path / 'out').exists()
 
 
 @pytest.mark.parametrize(('words', 'complaint'), [
