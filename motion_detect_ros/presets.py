@@ -65,6 +65,12 @@ def load_preset(name_or_path: str | Path) -> PipelineConfig:
         raise ConfigError(f'{path.name}: {error}') from None
 
 
+def node_parameters(name_or_path: str | Path) -> dict[str, Any]:
+    """What of a preset only the nodes read. Raises: ConfigError as ``load_preset``."""
+    values = read_parameters(preset_path(str(name_or_path)))
+    return {name: value for name, value in values.items() if is_node_parameter(name)}
+
+
 def read_parameters(path: Path) -> dict[str, Any]:
     """Dotted parameter names and values of a ROS parameter file (``/**: ros__parameters:``).
 
@@ -87,17 +93,23 @@ def read_parameters(path: Path) -> dict[str, Any]:
     return merged
 
 
-def write_preset(path: Path, config: PipelineConfig, notes: Sequence[str] = ()) -> None:
-    """Write the settings that differ from the defaults as a parameter file; notes: comment lines at its top.
+def write_preset(
+    path: Path, config: PipelineConfig, notes: Sequence[str] = (), node_parameters: Mapping[str, Any] | None = None,
+) -> None:
+    """Write the settings that differ from the defaults as a parameter file; notes: comment lines at its top;
+    node_parameters: names and values that only the nodes read.
 
     Raises: ConfigError where the file cannot be written.
     """
-    groups: dict[str, dict[str, Any]] = {}
+    groups: dict[str, Any] = {}
     defaults = {name: value for name, value, _ in settings(PipelineConfig())}
-    for name, value, _ in settings(config):
-        if value != defaults[name]:
-            group, _, leaf = name.partition('.')
+    changed = {name: value for name, value, _ in settings(config) if value != defaults[name]}
+    for name, value in {**changed, **(node_parameters or {})}.items():
+        group, dot, leaf = name.partition('.')
+        if dot:
             groups.setdefault(group, {})[leaf] = value
+        else:
+            groups[name] = value
     text = ''.join(f'# {note}\n' for note in notes) + yaml.safe_dump(
         {'/**': {'ros__parameters': groups}}, sort_keys=False, allow_unicode=True)
     try:

@@ -10,7 +10,15 @@ import pytest
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.core.settings import settings, with_settings
-from motion_detect_ros.presets import NODE_PARAMETERS, find_config, load_preset, preset_names, read_parameters
+from motion_detect_ros.presets import (
+    NODE_PARAMETERS,
+    find_config,
+    load_preset,
+    node_parameters,
+    preset_names,
+    read_parameters,
+    write_preset,
+)
 
 
 def test_default_yaml_is_every_default():
@@ -53,6 +61,16 @@ def test_quality_of_service_is_left_out_offline(tmp_path: Path):
                     '    qos_overrides: {/image_raw: {subscription: {depth: 3}}}\n'
                     '    qos_overrides./imu.subscription.reliability: reliable\n')
     assert load_preset(path) == with_settings(PipelineConfig(), {'art2.vigilance': 0.3})
+
+
+def test_a_preset_is_written_with_the_parameters_of_the_nodes(tmp_path: Path):
+    start, written = tmp_path / 'start.yaml', tmp_path / 'written.yaml'
+    start.write_text('/**:\n  ros__parameters:\n    image_transport: compressed\n    queue_size: 12\n'
+                     '    qos_overrides: {/image_raw: {subscription: {depth: 3}}}\n    topics: [/a, /b]\n'
+                     '    art2: {vigilance: 0.25}\n    art2.max_neurons: 30\n')
+    write_preset(written, load_preset(start), node_parameters=node_parameters(start))
+    assert read_parameters(written) == read_parameters(start)
+    assert node_parameters('visdrone') == {}
 
 
 @pytest.mark.parametrize(('text', 'words'), [

@@ -19,7 +19,7 @@ from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError, SourceError
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.core.threads import use
-from motion_detect_ros.presets import load_preset, write_preset
+from motion_detect_ros.presets import load_preset, node_parameters, write_preset
 from motion_detect_ros.results.clips import truth_of_clips
 from motion_detect_ros.results.files import write_whole
 from motion_detect_ros.results.metrics import COUNTINGS
@@ -153,10 +153,10 @@ def _write(
                  f'agreement with the flight backwards at IoU {arguments.iou:g}'),
         'inputs': ', '.join(arguments.inputs), 'start': str(arguments.preset), 'seed': str(arguments.seed),
         'held out': tuner.held_out, 'interval': tuner.meaning, **({'caution': tuner.caution} if tuner.caution else {})}
-    known, folder = tuner.start_values(), arguments.output
+    known, folder, of_nodes = tuner.start_values(), arguments.output, node_parameters(arguments.preset)
     write_whole(folder / 'tune.md', as_markdown(verdict, known, trials, facts))
     write_whole(folder / 'tune.json', json.dumps(as_json(verdict, known, trials, facts), indent=2) + '\n')
     write_preset(folder / 'candidate.yaml', verdict.candidate, [
-        f'Best of {len(trials)} trials from preset {arguments.preset}: {headline(verdict)}.'])
+        f'Best of {len(trials)} trials from preset {arguments.preset}: {headline(verdict)}.'], of_nodes)
     write_preset(folder / 'preset.yaml', verdict.candidate if verdict.shown else start, [
-        f'{"Tuned" if verdict.shown else "Unchanged"} from preset {arguments.preset}: {headline(verdict)}.'])
+        f'{"Tuned" if verdict.shown else "Unchanged"} from preset {arguments.preset}: {headline(verdict)}.'], of_nodes)

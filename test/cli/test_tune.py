@@ -13,13 +13,14 @@ from test_pipeline import SIDE, box_of, scene
 
 from motion_detect_ros.__main__ import main
 from motion_detect_ros.core.threads import limited, threads
-from motion_detect_ros.presets import load_preset
+from motion_detect_ros.presets import load_preset, read_parameters
 from motion_detect_ros.tuning.objective import TruthObjective
 from motion_detect_ros.tuning.recording import Recording
 
 FRAMES = 40
 #: A floor under which nothing is seen to move: the square moves 7 px a frame.
-BAD = '/**:\n  ros__parameters:\n    background:\n      noise_floor_px: 5.0\n    objects:\n      min_side_px: 7.0\n'
+BAD = ('/**:\n  ros__parameters:\n    background:\n      noise_floor_px: 5.0\n    objects:\n      min_side_px: 7.0\n'
+       '    queue_size: 12\n    image_transport: compressed\n')
 
 
 @pytest.fixture(scope='module')
@@ -88,6 +89,8 @@ def test_where_there_is_nothing_but_luck_the_start_stays(
     assert report['searched_gain'] > 0 and not report['gain_shown']
     assert load_preset(tmp_path / 'preset.yaml') == load_preset(flight / 'bad.yaml')
     assert load_preset(tmp_path / 'candidate.yaml') != load_preset(flight / 'bad.yaml')
+    assert read_parameters(tmp_path / 'preset.yaml') == read_parameters(flight / 'bad.yaml'), 'those of the nodes too'
+    assert {'queue_size', 'image_transport'} <= set(read_parameters(tmp_path / 'candidate.yaml'))
 
 
 def test_threads_are_those_of_the_preset(flight: Path, tmp_path: Path) -> None:
