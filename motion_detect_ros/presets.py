@@ -77,10 +77,16 @@ def read_parameters(path: Path) -> dict[str, Any]:
     Raises: ConfigError where the file cannot be read or is laid out otherwise.
     """
     try:
-        document = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        return _merged(yaml.safe_load(path.read_text(encoding='utf-8')))
+    except (OSError, ValueError, yaml.YAMLError) as error:  # ValueError: no UTF-8, or a date that is none
         reason = str(error).splitlines()[0]
         raise ConfigError(f'expected a YAML parameter file, got {reason}') from None
+    except RecursionError:
+        raise ConfigError('expected a YAML parameter file, got one nested too deep') from None
+
+
+def _merged(document: Any) -> dict[str, Any]:
+    """Raises: ConfigError for another layout, RecursionError for one nested too deep."""
     if not isinstance(document, Mapping):
         raise ConfigError(f'expected "/**: ros__parameters:" at the top, got {type(document).__name__}')
     merged: dict[str, Any] = {}

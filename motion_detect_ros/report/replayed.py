@@ -120,12 +120,13 @@ def _read(path: Path, dtype: np.dtype[np.void]) -> RecordArray:
             if missing:
                 expected = ','.join(dtype.names or ())
                 raise SourceError(f'{found}: column {", ".join(missing)} is missing; expected {expected}')
-            try:
-                return np.concatenate([np.empty(0, dtype), *_blocks(reader, dtype, whole=found == path)])
-            except (ValueError, TypeError, OverflowError) as error:
-                raise SourceError(f'{found}, line {reader.line_num}: {error}') from None
+            return np.concatenate([np.empty(0, dtype), *_blocks(reader, dtype, whole=found == path)])
     except OSError as error:
         raise SourceError(f'{path}: expected a file of a replay: {error.strerror}') from None
+    except (ValueError, TypeError, OverflowError) as error:
+        raise SourceError(f'{found}, line {reader.line_num}: {error}') from None
+    except csv.Error as error:  # the line is not counted yet
+        raise SourceError(f'{found}, line {reader.line_num + 1}: {error}') from None
 
 
 def _blocks(reader: csv.DictReader[str], dtype: np.dtype[np.void], whole: bool) -> Iterator[RecordArray]:

@@ -105,7 +105,7 @@ def _summary(detections: Path) -> Any:
         return None
     try:
         return json.loads(path.read_text(encoding='utf-8'))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         found = f'{type(error).__name__} {error}'
         raise SourceError(f'{path}: expected the count source_frames, got {found}') from None
 
@@ -114,6 +114,9 @@ def _records(boxes: DoubleArray, ids: Sequence[int]) -> RecordArray:
     if min(ids, default=0) < 0:
         raise SourceError('detections: expected a column id, found none')
     records = empty_detections(len(boxes))
+    limit = 1 + int(np.iinfo(records['id'].dtype).max)
+    if max(ids, default=0) >= limit:
+        raise SourceError(f'detections: expected ids below {limit}, got {max(ids)}')
     records['id'], records['width'], records['height'] = ids, boxes[:, 2], boxes[:, 3]
     records['u'], records['v'] = boxes[:, 0] + boxes[:, 2] / 2, boxes[:, 1] + boxes[:, 3] / 2
     return records

@@ -104,7 +104,7 @@ def read_summary(folder: Path) -> Summary:
         return _summary_of(json.loads(path.read_text(encoding='utf-8')))
     except OSError as error:
         raise SourceError(f'{path}: expected the summary of a replay: {error.strerror}') from None
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         found = f'{type(error).__name__}: {error}'
         raise SourceError(f'{path}: expected the summary of a replay, got {found}') from None
 
@@ -116,9 +116,10 @@ def _summary_of(content: dict[str, Any]) -> Summary:
         if name in known and not isinstance(known[name], expected):
             raise TypeError(f'{name} {known[name]!r}')
     width, height = known['image_size']
+    times = {stage: _percentiles(values) for stage, values in known['stage_ms'].items()}
     return Summary(**{
         **known, 'image_size': (int(width), int(height)), 'decode_ms': _percentiles(known['decode_ms']),
-        'stage_ms': {stage: _percentiles(times) for stage, times in known['stage_ms'].items()}})
+        'stage_ms': {stage: times[stage] for stage in STAGES}})
 
 
 def _percentiles(content: dict[str, Any]) -> Percentiles:

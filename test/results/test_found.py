@@ -51,3 +51,22 @@ def test_damaged_bytes(tmp_path: Path) -> None:
             assert str(error).startswith(str(path))
             assert '\n' not in str(error)
     assert 0 < read < 1000
+
+
+@pytest.mark.parametrize(('ident', 'message'), [
+    (2**32, 'expected ids below 4294967296, got 4294967296'),
+    (-1, 'expected a column id, found none'),
+])
+def test_ids_that_no_record_holds(tmp_path: Path, ident: int, message: str) -> None:
+    path = tmp_path / 'found.csv'
+    path.write_text(f'{HEADER}0,4294967295,1,2,3,4\n')
+    assert read_found(path).records()[0]['id'].tolist() == [2**32 - 1]
+    path.write_text(f'{HEADER}0,4294967295,1,2,3,4\n0,{ident},1,2,3,4\n')
+    with pytest.raises(SourceError, match=f'detections: {message}'):
+        read_found(path).records()
+
+
+def test_a_summary_nested_too_deep(tmp_path: Path) -> None:
+    (tmp_path / 'summary.json').write_text('[' * 100_000)
+    with pytest.raises(SourceError, match=r'summary\.json: expected the count source_frames, got RecursionError'):
+        window_frames(tmp_path / 'detections.csv')

@@ -1,0 +1,48 @@
+"""What a report is made of, damaged: one line that names the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from results_by_hand import write_results
+
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.report.replayed import read_replayed
+
+
+@pytest.fixture
+def results(tmp_path: Path) -> Path:
+    return write_results(tmp_path / 'results', 'nowhere')
+
+
+@pytest.mark.parametrize('name', ['detections.csv', 'frames.csv', 'times.csv'])
+@pytest.mark.parametrize(('damage', 'message'), [
+    (b'\xff\xfe', r"line \d+: 'utf-8' codec can't decode byte 0xff"),
+    (b'9' * 131073, r'line 3: field larger than field limit'),
+])
+def test_tables(results: Path, name: str, damage: bytes, message: str) -> None:
+    header, first, *rest = (results / name).read_bytes().splitlines()
+    (results / name).write_bytes(b'\n'.join([header, first, damage, *rest]))
+    with pytest.raises(SourceError, match=rf'{name}, {message}') as caught:
+        read_replayed(results)
+    assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize('damage', [b'\xff\xfe', b'9' * 131073])
+def test_headers(results: Path, damage: bytes) -> None:
+    (results / 'detections.csv').write_bytes(damage + (results / 'detections.csv').read_bytes())
+    with pytest.raises(SourceError, match=r'detections\.csv, line [01]: '):
+        read_replayed(results)
+
+
+def test_summary_without_times(tmp_path: Path) -> None:
+    folder = write_results(tmp_path / 'results', 'nowhere', stage_ms={})
+    with pytest.raises(SourceError, match=r"summary\.json: expected the summary of a replay, got KeyError: 'prep"):
+        read_replayed(folder)
+
+
+def test_summary_nested_too_deep(results: Path) -> None:
+    (results / 'summary.json').write_text('[' * 100_000)
+    with pytest.raises(SourceError, match=r'summary\.json: expected the summary of a replay, got RecursionError'):
+        read_replayed(results)
