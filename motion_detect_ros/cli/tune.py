@@ -7,6 +7,7 @@ search; tune.md and tune.json, the report; trials.sqlite3, with which a search t
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import math
 import time
@@ -14,6 +15,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import motion_detect_ros
+from motion_detect_ros.cli.batch.inputs import size_of
 from motion_detect_ros.cli.progress import Board
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError, SourceError
@@ -72,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     _make_folder(arguments.output)
     if arguments.force:
         (arguments.output / STORAGE_NAME).unlink(missing_ok=True)
-    study = Study(arguments.output, searched, _task(arguments, start, searched), arguments.seed)
+    study = Study(arguments.output, searched, _task(arguments, recordings, start, searched), arguments.seed)
     objective: Objective = (TruthObjective(arguments.counting, arguments.iou) if arguments.truth
                             else AgreementObjective(arguments.iou))
     tuner = Tuner(recordings, objective, start, searched, arguments.seed)
@@ -114,14 +117,26 @@ def _recordings(arguments: argparse.Namespace) -> list[Recording]:
             for path, name in zip(arguments.inputs, names, strict=True)]
 
 
-def _task(arguments: argparse.Namespace, start: PipelineConfig, searched: Sequence[Dimension]) -> dict[str, Any]:
-    """What makes trials comparable."""
+def _task(
+    arguments: argparse.Namespace, recordings: Sequence[Recording], start: PipelineConfig,
+    searched: Sequence[Dimension],
+) -> dict[str, Any]:
+    """What makes trials comparable. Raises: SourceError where a truth cannot be read."""
     return {
+        'version': motion_detect_ros.__version__, 'input_bytes': [size_of(one.path) for one in recordings],
+        'truth_contents': [_digest(one.truth) for one in recordings if one.truth],
         'inputs': [str(Path(path).resolve()) for path in arguments.inputs],
         'truth': [str(path.resolve()) for path in arguments.truth], 'frames': arguments.frames, 'seed': arguments.seed,
         'fps': arguments.fps, 'topic': arguments.topic, 'iou': arguments.iou, 'counting': arguments.counting,
         'start': {name: value for name, value, _ in settings(start)},
         'searched': [[one.name, one.low, one.high, one.log] for one in searched]}
+
+
+def _digest(truth: Path) -> str:
+    try:
+        return hashlib.sha256(truth.read_bytes()).hexdigest()
+    except OSError as error:
+        raise SourceError(f'{truth}: truth cannot be read: {error.strerror}') from None
 
 
 def _make_folder(folder: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from test_pipeline import SIDE, box_of, scene
 
+import motion_detect_ros
 from motion_detect_ros.__main__ import main
 from motion_detect_ros.core.threads import limited, threads
 from motion_detect_ros.presets import load_preset, read_parameters
@@ -91,6 +93,23 @@ def test_where_there_is_nothing_but_luck_the_start_stays(
     assert load_preset(tmp_path / 'candidate.yaml') != load_preset(flight / 'bad.yaml')
     assert read_parameters(tmp_path / 'preset.yaml') == read_parameters(flight / 'bad.yaml'), 'those of the nodes too'
     assert {'queue_size', 'image_transport'} <= set(read_parameters(tmp_path / 'candidate.yaml'))
+
+
+def test_trials_of_other_data_are_not_gone_on_with(
+    flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:
+    shutil.copytree(flight, tmp_path / 'data')
+    here, labels = tmp_path / 'data', tmp_path / 'data' / 'flight.csv'
+    words = ('--settings', 'background.noise_floor_px', '--truth', str(labels), '--trials', '1')
+    assert tune(here, here / 'flight' / 'tuned', *words) in (0, 1)
+    assert tune(here, here / 'flight' / 'tuned', *words) in (0, 1), 'what it wrote itself changes no input'
+    labels.write_text(labels.read_text().replace('5,1,', '5,2,', 1))
+    with (here / 'flight' / '000000.png').open('ab') as picture:
+        picture.write(b'0')
+    monkeypatch.setattr(motion_detect_ros, '__version__', '0.0.1')
+    assert tune(here, here / 'flight' / 'tuned', *words) == 2
+    assert 'holds the trials of another search (input_bytes, truth_contents, version differ)' in capsys.readouterr().err
+    assert tune(here, here / 'flight' / 'tuned', *words, '--force') in (0, 1)
 
 
 def test_threads_are_those_of_the_preset(flight: Path, tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from motion_detect_ros.sources.images import image_files, natural_key
 from motion_detect_ros.sources.kitti import is_kitti_drive
 from motion_detect_ros.sources.opening import looks_like_source
 from motion_detect_ros.sources.part_file import part_of
+from motion_detect_ros.tuning.study import STORAGE_NAME
 
 
 @dataclass(frozen=True)
@@ -64,12 +65,14 @@ def is_source_folder(folder: Path) -> bool:
 
 
 def size_of(path: str) -> int | None:
-    """Bytes in a file, or in all files of a folder but results of replays; None where they cannot be looked at."""
+    """Bytes in a file, or in all files of a folder but what replays and searches left; None where they cannot be looked
+    at.
+    """
     try:
         if Path(path).is_file():
             return Path(path).stat().st_size
         files = [each for each in Path(path).rglob('*') if each.is_file()]
-        results = {file.parent for file in files if file.name == SUMMARY_NAME} - {Path(path)}
+        results = {file.parent for file in files if file.name in (SUMMARY_NAME, STORAGE_NAME)} - {Path(path)}
         sizes = [file.stat().st_size for file in files if results.isdisjoint(file.parents)]
         return sum(sizes) if sizes else None
     except OSError:
