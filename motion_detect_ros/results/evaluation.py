@@ -78,7 +78,7 @@ def evaluate_clip(
     All frames from ``skip`` on count, those of the replay where its summary lies beside the detections, at least up to
     the last one with truth or detections; of a replay of part of its source those that all runs processed. Labels go by
     the names of the input's pictures where the summary says where these are.
-    Raises: SourceError.
+    Raises: SourceError, also where no frame counts.
     """
     inputs = [source for file in files.values() if (source := replayed_input(file)) and Path(source).exists()]
     truth = truth_of_input(truth_path, inputs[0] if inputs else None)
@@ -86,7 +86,11 @@ def evaluate_clip(
     total = 1 + last_frame if last_frame is not None else max(
         max(frame_count(truth.boxes, found[run].boxes), replayed_frames(file)) for run, file in files.items())
     windows = [window for file in files.values() if (window := window_frames(file)) is not None]
-    return ClipEvaluation(name, truth, found, counted_frames(total, windows, skip), files)
+    frames = counted_frames(total, windows, skip)
+    if not len(frames):
+        there = len(counted_frames(total, windows, 0))
+        raise SourceError(f'{next(iter(files.values()))}: expected more than {skip} frames (--skip), got {there}')
+    return ClipEvaluation(name, truth, found, frames, files)
 
 
 def counted_frames(

@@ -83,6 +83,18 @@ def test_last_frame_before_the_first_counted(
     assert '--last-frame: expected 10 (--skip) or later, got 9' in capsys.readouterr().err
 
 
+def test_nothing_is_counted_where_all_is_skipped(
+    found: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / 'a.csv').write_text('frame,id,x,y,w,h,moving\n10,1,10,20,30,40,1\n')
+    assert main(['evaluate', str(found), '--truth', str(tmp_path / 'a.csv'), '--skip', '13']) == 2
+    assert capsys.readouterr() == ('', f'error: {found}: expected more than 13 frames (--skip), got 13\n')
+    (tmp_path / 'summary.json').write_text('{"source_frames": 13, "start_s": 1.0}')
+    (tmp_path / 'frames.csv').write_text('frame\n' + ''.join(f'{frame}\n' for frame in range(4, 13)))
+    assert main(['evaluate', str(found), '--truth', str(tmp_path / 'a.csv')]) == 2
+    assert capsys.readouterr().err == f'error: {found}: expected more than 10 frames (--skip), got 9\n'
+
+
 def test_no_movers_at_all(found: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     truth = tmp_path / 'a.csv'
     truth.write_text('frame,id,x,y,w,h,moving\n')
