@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import motion_detect_ros
-from motion_detect_ros.cli.batch.inputs import size_of
+from motion_detect_ros.cli.batch.inputs import expand_inputs, size_of
 from motion_detect_ros.cli.progress import Board
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError, SourceError
@@ -39,7 +39,7 @@ TRIALS, FRAMES = 40, 600
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""
-    parser.add_argument('inputs', nargs='+', metavar='BAG', help='what replay takes; recordings of one kind')
+    parser.add_argument('inputs', nargs='+', metavar='IN', help='what replay takes; recordings of one kind')
     parser.add_argument('--truth', type=Path, nargs='+', default=[],
                         help='one for each input, or a folder of them, matched by name; without truth: agreement of '
                         'the flight with the same flight backwards')
@@ -106,15 +106,18 @@ def _check(arguments: argparse.Namespace) -> None:
 
 def _recordings(arguments: argparse.Namespace) -> list[Recording]:
     """Raises: SourceError where inputs and truth do not fit together."""
-    names = [Path(path).resolve().stem for path in arguments.inputs]
+    paths = expand_inputs(arguments.inputs, arguments.output).paths
+    if arguments.output.resolve() in [Path(path).resolve() for path in paths]:
+        raise SourceError(f'{arguments.output}: expected another folder for the outputs than the input itself; choose '
+                          'another --output')
+    names = [Path(path).resolve().stem for path in paths]
     if len(set(names)) < len(names):
         raise SourceError(f'inputs: expected different names, got {", ".join(names)}')
-    truths = truth_of_clips(dict(zip(names, map(Path, arguments.inputs), strict=True)), arguments.truth
-                            ) if arguments.truth else {}
+    truths = truth_of_clips(dict(zip(names, map(Path, paths), strict=True)), arguments.truth) if arguments.truth else {}
     if arguments.truth and (missing := [name for name in names if name not in truths]):
         raise SourceError(f'--truth: expected truth of every input, found none of {", ".join(missing)}')
     return [Recording(path, truths.get(name), arguments.fps, arguments.topic, arguments.frames)
-            for path, name in zip(arguments.inputs, names, strict=True)]
+            for path, name in zip(paths, names, strict=True)]
 
 
 def _task(
@@ -125,7 +128,7 @@ def _task(
     return {
         'version': motion_detect_ros.__version__, 'input_bytes': [size_of(one.path) for one in recordings],
         'truth_contents': [_digest(one.truth) for one in recordings if one.truth],
-        'inputs': [str(Path(path).resolve()) for path in arguments.inputs],
+        'inputs': [str(Path(one.path).resolve()) for one in recordings],
         'truth': [str(path.resolve()) for path in arguments.truth], 'frames': arguments.frames, 'seed': arguments.seed,
         'fps': arguments.fps, 'topic': arguments.topic, 'iou': arguments.iou, 'counting': arguments.counting,
         'start': {name: value for name, value, _ in settings(start)},

@@ -112,6 +112,24 @@ def test_trials_of_other_data_are_not_gone_on_with(
     assert tune(here, here / 'flight' / 'tuned', *words, '--force') in (0, 1)
 
 
+def test_inputs_are_those_that_replay_takes(flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A pattern, and a tree in which the outputs are."""
+    pytest.importorskip('optuna', reason="pip install 'motion_detect_ros[tune]'")
+    for name in ('one', 'two'):
+        shutil.copytree(flight / 'flight', tmp_path / 'tree' / 'day' / name)
+    words = ['-o', str(tmp_path / 'tree' / 'tuned'), '--preset', str(flight / 'bad.yaml'), '--trials', '1']
+    (tmp_path / 'one.csv').write_bytes((flight / 'flight.csv').read_bytes())
+    for inputs in ('tree/day/*', 'tree', 'tree'):
+        assert main(['tune', str(tmp_path / inputs), '--truth', str(tmp_path), *words]) == 2
+        assert capsys.readouterr().err == 'error: --truth: expected truth of every input, found none of two\n'
+    (tmp_path / 'two.csv').write_bytes((flight / 'flight.csv').read_bytes())
+    for _ in range(2):
+        assert main(['tune', str(tmp_path / 'tree'), '--truth', str(tmp_path), *words]) in (0, 1)
+    assert f"- inputs: {tmp_path / 'tree'}" in (tmp_path / 'tree' / 'tuned' / 'tune.md').read_text()
+    assert main(['tune', str(tmp_path / 'tree' / 'day' / 'one'), '-o', str(tmp_path / 'tree' / 'day' / 'one')]) == 2
+    assert 'expected another folder for the outputs than the input itself' in capsys.readouterr().err
+
+
 def test_threads_are_those_of_the_preset(flight: Path, tmp_path: Path) -> None:
     (tmp_path / 'one.yaml').write_text('/**: {ros__parameters: {load: {threads: 1}}}')
     with limited(2):

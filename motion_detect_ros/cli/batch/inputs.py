@@ -132,8 +132,9 @@ def _skipped(searched: Path, output: Path) -> Path | None:
 
 
 def _is_result(file: Path) -> bool:
-    """Whether a replay wrote this bag; the folder around it may hold inputs too."""
-    return file.name in (BAG_NAME, part_of(Path(BAG_NAME)).name) and file.with_name(SUMMARY_NAME).is_file()
+    """Whether a replay wrote this bag, or a search this data base; the folder around it may hold inputs too."""
+    return file.name == STORAGE_NAME or (
+        file.name in (BAG_NAME, part_of(Path(BAG_NAME)).name) and file.with_name(SUMMARY_NAME).is_file())
 
 
 def _distinct(paths: Iterable[Path]) -> list[Path]:

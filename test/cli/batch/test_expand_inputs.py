@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -45,6 +47,14 @@ def test_a_folder_of_bags_is_every_bag_within_but_results(tree: Path):
     assert expanded(tree, 'flights') == (
         ['flights/b2.mcap', 'flights/b10.mcap', 'flights/clip.mp4', 'flights/day/cut', 'flights/day/rec',
          'flights/old.bag'], True)
+
+
+def test_trials_of_a_search_are_no_input(tree: Path):
+    before = expanded(tree, 'flights')
+    (tree / 'flights' / 'tuned').mkdir()
+    with closing(sqlite3.connect(tree / 'flights' / 'tuned' / 'trials.sqlite3')) as trials:
+        trials.execute('CREATE TABLE trials (number)')
+    assert expanded(tree, 'flights') == before == expanded(tree, 'flights/**')
 
 
 def test_results_may_lie_among_the_inputs(tree: Path):
