@@ -62,6 +62,10 @@ def run(arguments: argparse.Namespace) -> int:
     annotations = getattr(arguments, 'annotations', None)
     written = [arguments.output, truth_path(arguments.output)] if annotations else [arguments.output]
     refuse_existing(written, arguments.force)
+    if not annotations and arguments.output.exists() and (stale := truth_path(arguments.output)).exists():
+        hint = ', or give --annotations' if hasattr(arguments, 'annotations') else ''
+        raise SourceError(
+            f'{stale}: expected no truth, as that of the earlier {arguments.output} would stay; move it away{hint}')
     check_name(arguments.input)
     source = _open(kind, arguments.input, fps)
     truth = truth_of_input(annotations, arguments.input).boxes if annotations else None

@@ -187,3 +187,21 @@ def test_labels_of_an_excerpt_of_a_drive_go_by_the_names_of_its_pictures(tmp_pat
                  '--annotations', str(labels)]) == 0
     truth = read_truth(tmp_path / 'out.truth.csv')
     assert list(zip(truth['frame'].tolist(), truth['x'].tolist(), strict=True)) == [(0, 40), (2, 42)]
+
+
+def test_the_truth_of_an_earlier_bag_does_not_stay_beside_the_next_one(
+    sequence: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    annotations, out, truth = tmp_path / 'a.txt', tmp_path / 'out.mcap', tmp_path / 'out.truth.csv'
+    annotations.write_text('1,1,10,5,8,8,1,4,0,0\n')
+    words = ['convert', 'visdrone', str(sequence), '-o', str(out)]
+    truth.write_text('made before there was a bag')
+    assert main(words) == 0, 'of no earlier bag'
+    assert main([*words, '--annotations', str(annotations), '--force']) == 0
+    bag, boxes = out.read_bytes(), truth.read_bytes()
+    capsys.readouterr()
+    for again, hint in ((words, ', or give --annotations'), (['convert', 'images', *words[2:], '--fps', '10'], '')):
+        assert main([*again, '--force']) == 2
+        assert capsys.readouterr().err == (
+            f'error: {truth}: expected no truth, as that of the earlier {out} would stay; move it away{hint}\n')
+    assert (out.read_bytes(), truth.read_bytes()) == (bag, boxes)
