@@ -114,7 +114,7 @@ def _read(path: Path, dtype: np.dtype[np.void]) -> RecordArray:
     """Rows of a CSV with a header, or of its .part where that is all there is; the columns of ``dtype``."""
     found = path if path.exists() else part_of(path)
     try:
-        with found.open(newline='', encoding='utf-8') as stream:
+        with found.open(newline='', encoding='utf-8-sig') as stream:
             reader = csv.DictReader(stream)
             missing = [name for name in dtype.names or () if name not in (reader.fieldnames or ())]
             if missing:

@@ -39,7 +39,7 @@ def read_found(path: Path) -> Found:
     rows: defaultdict[int, list[list[float]]] = defaultdict(list)
     ids: defaultdict[int, list[int]] = defaultdict(list)
     try:
-        with path.open(newline='', encoding='utf-8') as stream:
+        with path.open(newline='', encoding='utf-8-sig') as stream:
             reader = csv.DictReader(stream)
             missing = [name for name in _BOX_COLUMNS if name not in (reader.fieldnames or [])]
             if missing:
@@ -90,7 +90,7 @@ def window_frames(detections: Path) -> frozenset[int] | None:
         return None
     path = detections.with_name(FRAMES_NAME)
     try:
-        with path.open(newline='', encoding='utf-8') as stream:
+        with path.open(newline='', encoding='utf-8-sig') as stream:
             return frozenset(int(row['frame']) for row in csv.DictReader(stream))
     except OSError as error:
         raise SourceError(f'{path}: expected the frames of the replay: {error.strerror}') from None

@@ -46,3 +46,12 @@ def test_summary_nested_too_deep(results: Path) -> None:
     (results / 'summary.json').write_text('[' * 100_000)
     with pytest.raises(SourceError, match=r'summary\.json: expected the summary of a replay, got RecursionError'):
         read_replayed(results)
+
+
+def test_a_byte_order_mark_is_nothing_wrong(results: Path) -> None:
+    whole = read_replayed(results)
+    for name in ('detections.csv', 'frames.csv', 'times.csv'):
+        (results / name).write_text((results / name).read_text(), encoding='utf-8-sig')
+    read = read_replayed(results)
+    assert read.boxes['x'].tolist() == whole.boxes['x'].tolist()
+    assert (len(read.frames), len(read.times)) == (len(whole.frames), len(whole.times))

@@ -70,3 +70,12 @@ def test_a_summary_nested_too_deep(tmp_path: Path) -> None:
     (tmp_path / 'summary.json').write_text('[' * 100_000)
     with pytest.raises(SourceError, match=r'summary\.json: expected the count source_frames, got RecursionError'):
         window_frames(tmp_path / 'detections.csv')
+
+
+def test_files_that_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
+    path = tmp_path / 'detections.csv'
+    path.write_text(f'{HEADER}3,1,1,2,3,4\n', encoding='utf-8-sig')
+    assert read_found(path).boxes[3].tolist() == [[1, 2, 3, 4]]
+    (tmp_path / 'summary.json').write_text('{"every": 2}')
+    (tmp_path / 'frames.csv').write_text('frame\n3\n', encoding='utf-8-sig')
+    assert window_frames(path) == {3}
