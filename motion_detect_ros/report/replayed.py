@@ -14,7 +14,7 @@ from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import NANOSECONDS, BoolArray, DoubleArray, RecordArray
 from motion_detect_ros.results.files import CSV_NAME, FRAMES_NAME, TIMES_NAME
 from motion_detect_ros.results.rows import TIMES_HEADER
-from motion_detect_ros.results.summary import STAGES, WINDOW_FIELDS, Percentiles, Summary, read_summary
+from motion_detect_ros.results.summary import STAGES, Percentiles, Summary, read_summary, takes_part
 from motion_detect_ros.sources.part_file import part_of
 
 #: One row of detections.csv: frame, id, top left corner and size (px), score, velocity (px/s), time to contact (s).
@@ -71,7 +71,7 @@ class Replayed:
     @property
     def in_part(self) -> bool:
         """Whether not all of the input was to be processed, or the replay did not come to its end."""
-        return not self.summary.complete or any(getattr(self.summary, name) is not None for name in WINDOW_FIELDS)
+        return not self.summary.complete or takes_part(vars(self.summary))
 
     def of_frame(self, frame: int) -> RecordArray:
         """The boxes of one frame."""

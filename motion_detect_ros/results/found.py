@@ -16,7 +16,7 @@ import numpy as np
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import DoubleArray, RecordArray, empty_detections
 from motion_detect_ros.results.files import CSV_NAME, FRAMES_NAME, SUMMARY_NAME
-from motion_detect_ros.results.summary import WINDOW_FIELDS
+from motion_detect_ros.results.summary import takes_part
 from motion_detect_ros.sources.truth import finite_box
 
 _BOX_COLUMNS = ('frame', 'x', 'y', 'w', 'h')
@@ -86,7 +86,7 @@ def window_frames(detections: Path) -> frozenset[int] | None:
     Raises: SourceError where frames.csv cannot be read.
     """
     content = _summary(detections)
-    if not isinstance(content, dict) or all(content.get(name) is None for name in WINDOW_FIELDS):
+    if not isinstance(content, dict) or not takes_part(content):
         return None
     path = detections.with_name(FRAMES_NAME)
     try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from types import NoneType
@@ -87,6 +87,17 @@ _TYPES: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(('fps', 'start_s', 'duration_s'), (*_NUMBER, NoneType)),
     **dict.fromkeys(('complete', 'overlay', 'calibrated'), (bool,)),
     **dict.fromkeys(('ego_status', 'settings', 'tuned', 'stage_ms', 'decode_ms'), (dict,)), 'formats': (list,)}
+
+
+def takes_part(content: Mapping[str, Any]) -> bool:
+    """Whether only part of the source was wanted: by its window, or as the settings process the first ``keep`` of every
+    ``of`` frames. content: fields of a summary, some or all.
+    """
+    settings = content.get('settings')
+    keep, of = ([settings.get(f'load.decimation_{name}') for name in ('keep', 'of')]
+                if isinstance(settings, Mapping) else (None, None))
+    decimated = isinstance(keep, int) and isinstance(of, int) and keep < of
+    return decimated or any(content.get(name) is not None for name in WINDOW_FIELDS)
 
 
 def write_summary(folder: Path, summary: Summary) -> None:

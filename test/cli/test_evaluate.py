@@ -272,3 +272,21 @@ def test_labels_of_an_excerpt_go_by_the_names_of_its_pictures(
     capsys.readouterr()
     result = run_json(capsys, 'evaluate', str(tmp_path / 'out'), '--truth', str(tmp_path / 'annotation.txt'))
     assert (result['frames'], result['moving@0.5']['f1']) == (30, 1.0)  # type: ignore[index]
+
+
+def test_frames_that_the_settings_leave_out_do_not_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One of two, as ``--every 2`` has it; what is processed is found."""
+    (tmp_path / 'flight').mkdir()
+    for frame in range(40):
+        cv2.imwrite(str(tmp_path / 'flight' / f'{frame:06d}.png'), np.full((120, 160), 90, np.uint8))
+    (tmp_path / 'mine.yaml').write_text('/**: {ros__parameters: {load: {decimation_keep: 1, decimation_of: 2}}}')
+    (tmp_path / 'truth.csv').write_text('frame,id,x,y,w,h,moving\n' + ''.join(
+        f'{frame},1,10,20,30,40,1\n' for frame in range(40)))
+    for number, words in enumerate((['--config', str(tmp_path / 'mine.yaml')], ['--every', '2'])):
+        out = tmp_path / f'out{number}'
+        assert main(['replay', str(tmp_path / 'flight'), '-o', str(out), '--no-report', *words]) == 0
+        (out / 'detections.csv').write_text('frame,id,x,y,w,h\n' + ''.join(
+            f'{frame},1,10,20,30,40\n' for frame in range(0, 40, 2)))
+        capsys.readouterr()
+        result = run_json(capsys, 'evaluate', str(out), '--truth', str(tmp_path / 'truth.csv'))
+        assert (result['frames'], result['moving@0.5']['recall']) == (10, 1.0), words  # type: ignore[index]

@@ -149,8 +149,9 @@ def test_truth(results: Path, tmp_path: Path):
     assert judged.mistakes[0].box == (200, 200, 20, 20)
 
 
-@pytest.mark.parametrize('window', [{}, {'every': 2}, {'start_s': 1.0}, {'start_s': 0.5, 'every': 2}])
-def test_scores_are_those_of_evaluate(tmp_path: Path, window: dict[str, float]):
+@pytest.mark.parametrize('window', [{}, {'every': 2}, {'start_s': 1.0}, {'start_s': 0.5, 'every': 2},
+                                    {'settings': {'load.decimation_keep': 1, 'load.decimation_of': 2}}])
+def test_scores_are_those_of_evaluate(tmp_path: Path, window: dict[str, Any]):
     folder = write_results(tmp_path / 'results', 'nowhere', source_frames=50, **window)
     for name in ('frames.csv', 'detections.csv') if window else ():
         header, *rows = (folder / name).read_text().splitlines()
