@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -58,26 +58,28 @@ def load_preset(name_or_path: str | Path) -> PipelineConfig:
     """
     path = preset_path(str(name_or_path))
     try:
-        values = read_parameters(path)
-        return with_settings(PipelineConfig(), {
-            name: value for name, value in values.items() if not is_node_parameter(name)})
+        return with_settings(PipelineConfig(), read_parameters(path, lambda name: not is_node_parameter(name)))
     except ConfigError as error:
         raise ConfigError(f'{path.name}: {error}') from None
 
 
 def node_parameters(name_or_path: str | Path) -> dict[str, Any]:
     """What of a preset only the nodes read. Raises: ConfigError as ``load_preset``."""
-    values = read_parameters(preset_path(str(name_or_path)))
-    return {name: value for name, value in values.items() if is_node_parameter(name)}
+    path = preset_path(str(name_or_path))
+    try:
+        return read_parameters(path, is_node_parameter)
+    except ConfigError as error:
+        raise ConfigError(f'{path.name}: {error}') from None
 
 
-def read_parameters(path: Path) -> dict[str, Any]:
-    """Dotted parameter names and values of a ROS parameter file (``/**: ros__parameters:``).
+def read_parameters(path: Path, wanted: Callable[[str], bool] = lambda name: True) -> dict[str, Any]:
+    """Dotted parameter names and values of a ROS parameter file (``/**: ros__parameters:``), of all nodes together.
 
-    Raises: ConfigError where the file cannot be read or is laid out otherwise.
+    wanted: which names. Raises: ConfigError where the file cannot be read or is laid out otherwise, or where nodes have
+    different values of one of them.
     """
     try:
-        return _merged(yaml.safe_load(path.read_text(encoding='utf-8')))
+        return _merged(yaml.safe_load(path.read_text(encoding='utf-8')), wanted)
     except (OSError, ValueError, yaml.YAMLError) as error:  # ValueError: no UTF-8, or a date that is none
         reason = str(error).splitlines()[0]
         raise ConfigError(f'expected a YAML parameter file, got {reason}') from None
@@ -85,17 +87,24 @@ def read_parameters(path: Path) -> dict[str, Any]:
         raise ConfigError('expected a YAML parameter file, got one nested too deep') from None
 
 
-def _merged(document: Any) -> dict[str, Any]:
-    """Raises: ConfigError for another layout, RecursionError for one nested too deep."""
+def _merged(document: Any, wanted: Callable[[str], bool]) -> dict[str, Any]:
+    """Raises: ConfigError for another layout or different values, RecursionError for one nested too deep."""
     if not isinstance(document, Mapping):
         raise ConfigError(f'expected "/**: ros__parameters:" at the top, got {type(document).__name__}')
     merged: dict[str, Any] = {}
+    node_of: dict[str, Any] = {}
     for node, body in document.items():
         if not isinstance(body, Mapping) or not isinstance(body.get('ros__parameters'), Mapping | None):
             raise ConfigError(f'expected "ros__parameters:" under {node!r}')
         if 'ros__parameters' not in body:
             raise ConfigError(f'expected "ros__parameters:" under {node!r}, got {", ".join(map(str, body))}')
-        merged.update(_flat(body['ros__parameters'] or {}))
+        for name, value in _flat(body['ros__parameters'] or {}):
+            if not wanted(name):
+                continue
+            if node_of.setdefault(name, node) != node and merged[name] != value:
+                raise ConfigError(f'expected one value of {name}, got {merged[name]!r} under {node_of[name]!r}, '
+                                  f'{value!r} under {node!r}')
+            merged[name] = value
     return merged
 
 

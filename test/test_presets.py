@@ -73,6 +73,20 @@ def test_a_preset_is_written_with_the_parameters_of_the_nodes(tmp_path: Path):
     assert node_parameters('visdrone') == {}
 
 
+def test_sections_of_several_nodes_are_taken_together_where_they_agree(tmp_path: Path):
+    path = tmp_path / 'mine.yaml'
+    path.write_text('/front/pipeline:\n  ros__parameters: {queue_size: 3, art2: {vigilance: 0.3}}\n'
+                    '/rear/pipeline:\n  ros__parameters: {queue_size: 5, art2.vigilance: 0.3, art2.max_neurons: 30}\n')
+    assert load_preset(path) == with_settings(PipelineConfig(), {'art2.vigilance': 0.3, 'art2.max_neurons': 30})
+    words = "mine.yaml: expected one value of queue_size, got 3 under '/front/pipeline', 5 under '/rear/pipeline'"
+    with pytest.raises(ConfigError, match=re.escape(words)):
+        node_parameters(path)
+    path.write_text(path.read_text().replace('art2.vigilance: 0.3', 'art2.vigilance: 0.25'))
+    words = "mine.yaml: expected one value of art2.vigilance, got 0.3 under '/front/pipeline', 0.25 under '/rear/pipeli"
+    with pytest.raises(ConfigError, match=re.escape(words)):
+        load_preset(path)
+
+
 @pytest.mark.parametrize(('text', 'words'), [
     ('art2: {vigilance: 0.3}', 'mine.yaml: expected "ros__parameters:" under'),
     ('just words', 'mine.yaml: expected "/\\*\\*: ros__parameters:" at the top, got str'),

@@ -68,6 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     """
     _check(arguments)
     start, searched = load_preset(arguments.preset), dimensions(arguments.settings)
+    of_nodes = node_parameters(arguments.preset)
     if start.imu.use:
         raise ConfigError(f'{arguments.preset}: imu.use: expected false, as tune uses the pictures only, got true')
     recordings = _recordings(arguments)
@@ -84,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
     if best is None:
         raise SourceError('--time: expected enough for a trial; none has ended')
     verdict = tuner.judge(best)
-    _write(arguments, start, tuner, study.trials, verdict)
+    _write(arguments, start, of_nodes, tuner, study.trials, verdict)
     print(f'{arguments.output}: {headline(verdict)}')
     if tuner.caution:
         print(f'caution: {tuner.caution}')
@@ -164,14 +165,15 @@ def _search(tuner: Tuner, study: Study, trials: int, time_s: float | None) -> No
 
 
 def _write(
-    arguments: argparse.Namespace, start: PipelineConfig, tuner: Tuner, trials: Sequence[Trial], verdict: Verdict,
+    arguments: argparse.Namespace, start: PipelineConfig, of_nodes: dict[str, Any], tuner: Tuner,
+    trials: Sequence[Trial], verdict: Verdict,
 ) -> None:
     facts = {
         'what': (f'F1 against truth at IoU {arguments.iou:g}, {arguments.counting}' if arguments.truth else
                  f'agreement with the flight backwards at IoU {arguments.iou:g}'),
         'inputs': ', '.join(arguments.inputs), 'start': str(arguments.preset), 'seed': str(arguments.seed),
         'held out': tuner.held_out, 'interval': tuner.meaning, **({'caution': tuner.caution} if tuner.caution else {})}
-    known, folder, of_nodes = tuner.start_values(), arguments.output, node_parameters(arguments.preset)
+    known, folder = tuner.start_values(), arguments.output
     write_whole(folder / 'tune.md', as_markdown(verdict, known, trials, facts))
     write_whole(folder / 'tune.json', json.dumps(as_json(verdict, known, trials, facts), indent=2) + '\n')
     write_preset(folder / 'candidate.yaml', verdict.candidate, [
