@@ -37,7 +37,7 @@ class DetectionOutputs(_Outputs):
     """
 
     def __init__(self, folder: Path, source: str, formats: Sequence[str] = DEFAULT_FORMATS) -> None:
-        """source: what the detections are of, as the user named it; formats: names in ``FORMATS``.
+        """source: absolute path of what the detections are of; formats: names in ``FORMATS``.
 
         Raises: SourceError where the folder cannot be written, BackendError where a format's package is missing.
         """

@@ -23,6 +23,7 @@ from motion_detect_ros.core.config import LoadConfig, PipelineConfig
 from motion_detect_ros.core.pipeline import Measured, MotionPipeline
 from motion_detect_ros.core.threads import threads, use
 from motion_detect_ros.core.types import DETECTION_DTYPE, Result
+from motion_detect_ros.presets import find_config
 from motion_detect_ros.sources.bags import BagWriter
 
 FRAMES = 14
@@ -62,6 +63,17 @@ def test_two_runs_are_byte_identical(bag: Path, replayed: Path, tmp_path: Path) 
     assert first == (tmp_path / 'detections.csv').read_bytes()
     assert (replayed / 'frames.csv').read_bytes() == (tmp_path / 'frames.csv').read_bytes()
     assert first.count(b'\n') > 1, 'the scene must give detections, or the comparison says nothing'
+
+
+def test_an_input_is_known_by_its_absolute_path(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    parquet = pytest.importorskip('pyarrow.parquet', reason="pip install 'motion_detect_ros[parquet]'")
+    monkeypatch.chdir(bag.parent)
+    assert main(['replay', bag.name, '-o', str(tmp_path), '--formats', 'parquet', '--no-report']) == 0
+    assert set(parquet.read_table(tmp_path / 'detections.parquet')['input'].to_pylist()) == {str(bag)}
+    summary = json.loads((tmp_path / 'summary.json').read_text())
+    assert summary['input'] == str(bag)
+    schema = json.loads(find_config('summary.schema.json').read_text())['$defs']['replay']['properties']['input']
+    assert schema['description'].startswith('its absolute path')
 
 
 def test_csv_and_bag_hold_what_the_pipeline_finds(replayed: Path) -> None:
