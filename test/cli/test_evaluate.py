@@ -264,7 +264,7 @@ def test_labels_of_an_excerpt_go_by_the_names_of_its_pictures(
     (tmp_path / 'excerpt').mkdir()
     for number in range(101, 141):
         cv2.imwrite(str(tmp_path / 'excerpt' / f'{number:07d}.jpg'), np.full((120, 320), 90, np.uint8))
-    assert main(['replay', str(tmp_path / 'excerpt'), '-o', str(tmp_path / 'out')]) == 0
+    assert main(['replay', str(tmp_path / 'excerpt'), '-o', str(tmp_path / 'out'), '--no-report']) == 0
     (tmp_path / 'out' / 'detections.csv').write_text('frame,id,x,y,w,h\n' + ''.join(
         f'{frame},1,{101 + frame},20,8,8\n' for frame in range(40)))
     (tmp_path / 'annotation.txt').write_text(''.join(
