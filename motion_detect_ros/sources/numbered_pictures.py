@@ -25,24 +25,25 @@ def truth_of_input(path: str | Path, source: str | Path | None) -> Truth:
     VisDrone, MOT Challenge and KITTI labels go by the numbers that the pictures of a folder or a KITTI drive are named
     by. Frames stay as they are counted from the first label on where that says nothing: for a CSV, for an input that is
     not known, gone or something else, for names that are no numbers or begin below the labels' first, and for labels
-    that have none of these numbers but a picture each by their place.
+    that were counted anew for an excerpt: some of them are of earlier pictures than the first, and all have a picture
+    by their place.
     Raises: SourceError as ``load_truth``, and for labels of other pictures.
     """
     truth = load_truth(path)
     numbers = _numbers(Path(source)) if source is not None else []
     if truth.first is None or not numbers or min(numbers) < truth.first or not len(truth.boxes):
         return truth
-    position = {number - truth.first: index for index, number in enumerate(numbers)}
-    kept = truth.boxes[np.isin(truth.boxes['frame'], list(position))].copy()
-    if len(kept):
-        kept['frame'] = [position[frame] for frame in kept['frame'].tolist()]
-        return replace(truth, boxes=kept)
     labelled = truth.boxes['frame']
-    if labelled.max() >= len(numbers):
+    if labelled.min() + truth.first < min(numbers) and labelled.max() < len(numbers):
+        return truth
+    position = {number - truth.first: index for index, number in enumerate(numbers)}
+    kept = truth.boxes[np.isin(labelled, list(position))].copy()
+    if not len(kept):
         raise SourceError(
             f'{path}: expected labels of pictures {min(numbers)} to {max(numbers)} ({source}), got '
             f'{labelled.min() + truth.first} to {labelled.max() + truth.first}')
-    return truth
+    kept['frame'] = [position[frame] for frame in kept['frame'].tolist()]
+    return replace(truth, boxes=kept)
 
 
 def _numbers(source: Path) -> Sequence[int]:

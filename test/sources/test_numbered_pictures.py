@@ -56,6 +56,18 @@ def test_kitti(tmp_path: Path, given: str) -> None:
     assert places(truth_of_input(labels, tmp_path / 'drive' / given).boxes) == [(1, 41)]
 
 
+def test_labels_that_were_counted_anew_for_an_excerpt(tmp_path: Path) -> None:
+    """By names, two of the four would be of the first pictures."""
+    folder = pictures(tmp_path / 'excerpt', *(f'{number:07d}.jpg' for number in (3, 4, 5, 6)))
+    assert places(truth_of_input(visdrone(tmp_path / 'a.txt', 1, 2, 3, 4), folder).boxes) == [
+        (0, 1), (1, 2), (2, 3), (3, 4)]
+
+
+def test_a_picture_that_is_missing_moves_no_label(tmp_path: Path) -> None:
+    folder = pictures(tmp_path / 'whole', *(f'{number:07d}.jpg' for number in (1, 2, 4, 5)))
+    assert places(truth_of_input(visdrone(tmp_path / 'a.txt', 1, 2, 3, 4), folder).boxes) == [(0, 1), (1, 2), (2, 4)]
+
+
 @pytest.mark.parametrize('names', [
     ('a1.png', 'a2.png', 'a3.png'),                     # no numbers
     ('0.png', '1.png', '2.png'),                        # not counted as the labels are, from 1
