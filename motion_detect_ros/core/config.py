@@ -227,7 +227,7 @@ class ObjectsConfig:
         low=0.1, high=100.0)
     peak_share: float = setting(
         0.15, 'pixels whose gain is under this share of the strongest ones are shadow or blur', low=0.0, high=1.0)
-    closing_px: int = setting(5, 'gaps up to this size within an object are closed', low=1, high=99, unit='px')
+    closing_px: int = setting(5, 'gaps in an object up to this size, made odd, are closed', low=1, high=99, unit='px')
 
 
 @dataclass(frozen=True)

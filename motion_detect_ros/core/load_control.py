@@ -7,7 +7,7 @@ from dataclasses import dataclass
 #: Compute time over the period from which the load is too high, and under which the next larger step would have to be.
 TOO_HIGH, LOW_ENOUGH = 0.95, 0.85
 #: More is done after so many decisions with room for it; where that was too much within so many decisions, patience is
-#: doubled, up to the last number.
+#: doubled, up to the last number; it is forgotten where it then holds for longer than that.
 PATIENCE, RELAPSE, MAX_PATIENCE = 3, 10, 48
 #: So many decisions in a row find the load too high before a next step that leaves more images out: a single one loses
 #: a few, and the step every other one for ``PATIENCE``.
@@ -79,6 +79,7 @@ class LoadControl:
         if self._since_more <= RELAPSE:
             self._patience, self._since_more = min(MAX_PATIENCE, 2 * self._patience), RELAPSE
         else:
+            self._patience = PATIENCE if self._since_more > MAX_PATIENCE else self._patience
             while self._number < last and full * self.step.cost > TOO_HIGH:
                 self._number += 1
         return self._number != before

@@ -28,8 +28,8 @@ from motion_detect_ros.core.types import (
     StageTimes,
 )
 
-#: Minimum width of the warm-up images; they are shrunk like any other.
-MIN_WARM_UP_PX = 480
+#: Width of the warm-up images, between these; they are shrunk like any other.
+MIN_WARM_UP_PX, MAX_WARM_UP_PX = 480, 1920
 #: Number of warm-up images: the object is detected from the second on, reported from the third on, and found by its
 #: points from the ninth on; in the one after the next they are carried on.
 WARM_UP_FRAMES = 11
@@ -170,7 +170,7 @@ def warm_up(config: PipelineConfig, detection: bool = True) -> None:
     seen = replace(config.preprocessing, ignore_top_px=0, ignore_regions='')  # made for images of another size
     tracks = replace(config.tracks, confirm_s=0.0, confirm_log_odds=-100.0)
     pipeline = MotionPipeline(replace(config, preprocessing=seen, tracks=tracks))
-    width = max(MIN_WARM_UP_PX, config.preprocessing.max_width_px)
+    width = min(max(MIN_WARM_UP_PX, config.preprocessing.max_width_px), MAX_WARM_UP_PX)
     random = np.random.default_rng(0)
     ground = random.integers(0, 255, (width * 9 // 16, width), np.uint8)
     thing, small = random.integers(0, 255, (40, 130), np.uint8), random.integers(0, 255, (40, 40), np.uint8)

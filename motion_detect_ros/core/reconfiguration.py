@@ -14,8 +14,8 @@ _AT_ONCE = (
     'background.depth_noise_share', 'background.noise_floor_px', 'background.noise_share',
     'art2.vigilance', 'art2.learning_rate', 'art2.initial_neurons', 'art2.spread_match', 'art2.max_neurons',
     'art2.forget_s', 'art2.merge_match', 'art2.background_sigma', 'art2.learning',
-    'objects.', 'tracks.confirm_s', 'tracks.confirm_log_odds', 'tracks.show_log_odds', 'tracks.coast_s',
-    'tracks.appearance_hold_s', 'load.decimation_keep', 'load.decimation_of', 'load.adapt',
+    'objects.', 'tracks.confirm_s', 'tracks.confirm_window_s', 'tracks.confirm_log_odds', 'tracks.show_log_odds',
+    'tracks.coast_s', 'tracks.appearance_hold_s', 'load.decimation_keep', 'load.decimation_of', 'load.adapt',
 )
 #: Those that are read once, at the start of a process.
 _FIXED = ('imu.use', 'imu.time_offset_s', 'load.threads')

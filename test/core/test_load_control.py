@@ -85,6 +85,21 @@ def test_a_load_that_just_does_not_fit_is_tried_less_and_less_often() -> None:
     assert len(tries) >= 4 and (np.diff(gaps) >= 0).all() and gaps[-1] >= 2 * gaps[0]
 
 
+def test_relapses_of_days_ago_do_not_count() -> None:
+    """Three seconds of patience again once full work has held for an hour."""
+    control = LoadControl()
+    for _ in range(5):
+        played(control, 45.0, 1)
+        while STEPS.index(control.step):
+            played(control, 15.0, 1)
+        played(control, 45.0, 1)  # a relapse
+        while STEPS.index(control.step):
+            played(control, 15.0, 1)
+        played(control, 15.0, 3600)
+    played(control, 45.0, 1)
+    assert played(control, 15.0, 4) == [1, 1, 0, 0]
+
+
 def test_a_try_that_fails_ends_where_it_began() -> None:
     """The points start anew with the width, so the first second at the larger step costs more than it will."""
     control = LoadControl()

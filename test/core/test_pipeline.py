@@ -429,6 +429,15 @@ def test_a_long_time_before_a_track_is_reported_does_not_lengthen_the_warm_up():
     warm_up(PipelineConfig(tracks=tracks, preprocessing=PreprocessingConfig(max_width_px=320)))
 
 
+def test_a_width_that_no_camera_has_does_not_lengthen_the_warm_up(monkeypatch):
+    """Kernels are the same for pictures of any size."""
+    widths, real = [], MotionPipeline.measure
+    monkeypatch.setattr(MotionPipeline, 'measure',
+                        lambda self, image, stamp_ns: widths.append(image.shape[1]) or real(self, image, stamp_ns))
+    warm_up(PipelineConfig(preprocessing=PreprocessingConfig(max_width_px=8192)))
+    assert widths and max(widths) <= 1920
+
+
 FIRST_HALF = """
 import numpy as np
 from motion_detect_ros.core.clustering import art2

@@ -206,6 +206,7 @@ class Art2Network(ABC, Generic[F1]):
 
     def _forget_idle(self, dt_s: float) -> None:
         keep = self._idle_s < self._config.forget_s - 0.5 * dt_s  # to the nearest frame
+        keep |= self._idle_s == 0.0  # it has won in the last one
         keep[0] = True
         self._keep(keep)
 

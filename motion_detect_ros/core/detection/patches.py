@@ -34,9 +34,10 @@ class Patch:
 def connected_pixels(mask: BoolArray, closing_px: int) -> tuple[int, npt.NDArray[np.int32]]:
     """Connected-component labelling after morphological closing with an ellipse of ``closing_px``.
 
+    Even sizes are rounded up: with them OpenCV shifts the mask.
     Returns the number of labels, background label 0 included, and (h, w) labels, meaningful where ``mask`` is True.
     """
-    closed = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_CLOSE, _ellipse(closing_px))
+    closed = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_CLOSE, _ellipse(closing_px | 1))
     count, labels = cv2.connectedComponents(closed, connectivity=8)
     return count, labels
 

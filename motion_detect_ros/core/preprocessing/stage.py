@@ -34,8 +34,10 @@ class Preprocessor:
         self._brightness = Brightness()
 
     def limit_width(self, share: float) -> None:
-        """From the next frame on the working width is this share, 0 .. 1, of ``max_width_px`` at most."""
-        before, self._max_width_px = self._max_width_px, max(MIN_SIDE_PX, round(share * self._config.max_width_px))
+        """From the next frame on the working width is this share, 0 .. 1, of ``max_width_px`` at most, but no side
+        smaller than can be worked on.
+        """
+        before, self._max_width_px = self._max_width_px, round(share * self._config.max_width_px)
         if self._max_width_px == before:
             return
         self._ignored.clear()
@@ -56,7 +58,9 @@ class Preprocessor:
         """
         height, width = _checked_size(image)
         gray = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-        gray, scale = at_working_width(gray, self._config.min_width_px, self._max_width_px)
+        least = math.ceil(MIN_SIDE_PX * width / min(width, height))
+        most = min(self._config.max_width_px, max(self._max_width_px, least))
+        gray, scale = at_working_width(gray, self._config.min_width_px, most)
         if min(gray.shape) < MIN_SIDE_PX:
             raise FrameError(f'image: expected at least {MIN_SIDE_PX} px a side at working resolution, '
                              f'got {gray.shape[1]}x{gray.shape[0]}')

@@ -166,9 +166,9 @@ def test_background_stays_at_zero_and_unknown_vectors_are_not_presented():
     np.testing.assert_array_equal(art2.prototypes[0], [0, 0])
 
 
-def winner_name(art2: Art2, vectors: np.ndarray) -> int:
+def winner_name(art2: Art2, vectors: np.ndarray, dt_s: float = 0.04) -> int:
     """Name of the neuron that wins the second vector."""
-    label = art2.partial_fit(vectors)[1]
+    label = art2.partial_fit(vectors, dt_s)[1]
     return int(art2.names[label])
 
 
@@ -182,6 +182,16 @@ def test_memory_lasts_over_frames_and_idle_neurons_are_forgotten():
         art2.partial_fit(still)
     assert len(art2.prototypes) == 1
     assert winner_name(art2, car) != name
+
+
+@pytest.mark.parametrize(('forget_s', 'dt_s'), [(0.4, 0.7), (0.4, 0.9), (0.4, 5.0), (0.001, 0.04)])
+def test_what_wins_in_every_frame_is_not_forgotten_however_long_frames_take(forget_s: float, dt_s: float):
+    art2 = Art2(Art2Config(vigilance=0.2, forget_s=forget_s, initial_neurons=2))
+    car = np.array([[0, 0], [12, 0], [12.2, 0]], np.float32)
+    assert len({winner_name(art2, car, dt_s) for _ in range(5)}) == 1
+    for _ in range(2):
+        art2.partial_fit(np.zeros((3, 2), np.float32), dt_s)
+    assert len(art2.prototypes) == 1, 'what does not win is'
 
 
 def test_growth_stops_at_the_maximum():

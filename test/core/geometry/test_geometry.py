@@ -160,6 +160,14 @@ class TestBoxes:
         groups = [np.nonzero(mask & (labels == number))[1] for number in range(1, count)]
         assert sorted((g.min(), g.max() + 1, len(g)) for g in groups) == [(5, 28, 200), (45, 55, 100)]
 
+    @pytest.mark.parametrize('closing_px', range(1, 12))
+    def test_closing_loses_no_pixel_and_joins_nothing_farther_than_its_size(self, closing_px):
+        mask = np.zeros((40, 80), bool)
+        mask[10:20, 5:15] = mask[10:20, 45:55] = True
+        count, labels = connected_pixels(mask, closing_px)
+        assert count == 3
+        assert [set(np.unique(labels[10:20, left:left + 10])) for left in (5, 45)] in ([{1}, {2}], [{2}, {1}])
+
     def test_joining_depends_on_the_smaller_patch(self):
         big, near, far = Patch(Box(0, 0, 40, 40), 900), Patch(Box(44, 0, 64, 20), 300), Patch(Box(90, 0, 100, 10), 80)
         # gap 4 <= 0.4 * 20; gap from the union at 64 to 90 is 26 > 0.4 * 10

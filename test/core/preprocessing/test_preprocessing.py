@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 import pytest
@@ -91,6 +93,17 @@ class TestWorkingWidth:
             prepare.limit_width(share)
             widths.append(prepare.process(np.zeros((90, 640), np.uint8), 0).gray.shape[1])
         assert widths == [960, 720, 480, 960]
+
+    @pytest.mark.parametrize(('most', 'size'), [(960, (1920, 100)), (200, (1242, 375)), (100, (480, 270))])
+    def test_load_lowers_no_side_below_what_can_be_worked_on(self, most: int, size: tuple[int, int]) -> None:
+        prepare = Preprocessor(PreprocessingConfig(max_width_px=most, min_width_px=0))
+        picture = np.zeros((size[1], size[0]), np.uint8)
+        for share in (1.0, 0.75, 0.5, 0.1):
+            prepare.limit_width(share)
+            height, width = prepare.process(picture, 0).gray.shape
+            assert min(height, width) >= 32
+            assert width <= max(round(share * most), math.ceil(32 * size[0] / size[1]))
+            assert width / height == pytest.approx(size[0] / size[1], rel=0.02)
 
     def test_everything_stays_where_it_is(self) -> None:
         """The middle of a blot at 200.3, 41.8 of a picture that is enlarged by one and a half, centres at halves."""

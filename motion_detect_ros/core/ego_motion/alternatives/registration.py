@@ -78,7 +78,7 @@ def make_template(image: FloatArray, mask: BoolArray | None = None) -> Template:
     height, width = image.shape
     gx = cv2.Sobel(image, cv2.CV_32F, 1, 0, ksize=3, scale=1.0 / 8.0)
     gy = cv2.Sobel(image, cv2.CV_32F, 0, 1, ksize=3, scale=1.0 / 8.0)
-    strength = cv2.magnitude(gx, gy)
+    strength = np.sqrt(gx * gx + gy * gy)  # cv2.magnitude rounds as arrays are aligned
     inside = np.zeros(image.shape, np.bool_)
     inside[BORDER_PX:-BORDER_PX, BORDER_PX:-BORDER_PX] = True
     if mask is not None:
