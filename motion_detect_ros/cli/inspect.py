@@ -12,6 +12,7 @@ import numpy as np
 
 from motion_detect_ros.core.types import NANOSECONDS, DoubleArray
 from motion_detect_ros.sources.bags import BagReader
+from motion_detect_ros.sources.raw import LOST
 
 #: An interval this many times the median one is a gap.
 GAP_FACTOR = 2.5
@@ -60,7 +61,8 @@ def inspect_bag(path: Path) -> BagReport:
     stamps: defaultdict[str, list[int]] = defaultdict(list)
     with BagReader(path) as bag:
         for message in bag.messages():
-            stamps[message.topic].append(message.log_stamp_ns)
+            if message.data != LOST:
+                stamps[message.topic].append(message.log_stamp_ns)
         topics = tuple(_topic_report(t.name, t.msgtype, t.count, stamps[t.name]) for t in bag.topics)
         damaged = bag.damaged
     everything = [stamp for times in stamps.values() for stamp in times]

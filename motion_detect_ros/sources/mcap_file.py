@@ -5,18 +5,20 @@ Format: MCAP specification, https://mcap.dev/spec (chunks of records, each with 
 
 from __future__ import annotations
 
-import errno
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import IO
 
-from mcap.reader import make_reader
-from mcap.records import Channel, Chunk, McapRecord, Message, Schema, Statistics
+from mcap.records import Channel, Chunk, DataEnd, McapRecord, Message, MessageIndex, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.summary import Summary
 from rosbags.typesys.msg import normalize_msgtype
 
+from motion_detect_ros.sources.mcap_losses import Losses
+from motion_detect_ros.sources.mcap_summary import Section, SummaryError, is_damage, read_summary, sections_of
 from motion_detect_ros.sources.messages import from_ros1
-from motion_detect_ros.sources.raw import RawMessage, TopicInfo
+from motion_detect_ros.sources.raw import LOST, RawMessage, TopicInfo
 
 MAGIC = b'\x89MCAP0\r\n'
 
@@ -26,30 +28,32 @@ ROS1 = 'ros1'
 #: A chunk that announces more than this is damaged; recorders write some megabytes.
 MAX_CHUNK_BYTES = 1 << 30
 
+_CUT_OFF = 'the end is missing (recording was cut off)'
+_BAD_SUMMARY = 'the summary at the end is damaged'
+
 
 class McapFile:
     """One MCAP file as ``BagStorage``.
 
     Messages come chunk by chunk in file order, sorted by log time within a chunk: what a recorder writes is in
-    order of time then, and memory stays at one chunk.
+    order of time then, and memory stays at one chunk. After bytes that make no sense it goes on with the next chunk
+    that the summary names; where there is none, that is the end.
     """
 
     def __init__(self, path: Path) -> None:
-        """Reads the summary; a file without one is ``damaged`` but readable."""
+        """Reads the summary; a file that ends without one is ``damaged`` but readable."""
         self._path = path
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
-        self._statistics: Statistics | None = None
+        self._summary: Summary | None = None
         self._topics: tuple[TopicInfo, ...] | None = None
-        self._cut_off = not self._read_summary()
-        self._bad_chunks = 0
+        self._end_fault = self._read_summary()
+        self._losses = Losses()
 
     @property
     def damaged(self) -> str | None:
-        """Missing end, or checksum errors met while reading so far."""
-        faults = ['the end is missing (recording was cut off)'] * self._cut_off
-        if self._bad_chunks:
-            faults.append(f'{self._bad_chunks} unreadable chunk(s) skipped')
+        """What is wrong with the end, and what could not be read so far."""
+        faults = [*filter(None, (self._end_fault,)), *self._losses.faults()]
         return f'{self._path.name}: {", ".join(faults)}' if faults else None
 
     @property
@@ -60,33 +64,42 @@ class McapFile:
         return self._topics
 
     def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
-        """Every message that can be read; what cannot is added to ``damaged``.
+        """Every message, ``LOST`` where only that it was recorded is known; what is missing is added to ``damaged``.
 
         Nothing is read where the summary says that there are none of ``topics``.
         """
-        self._bad_chunks = 0
+        self._losses = Losses()
         summary = self._summary_topics() if topics is not None else ()
         if summary and not any(topic.count and topic.name in topics for topic in summary):  # type: ignore[operator]
             return
         with self._path.open('rb') as stream:
-            for record in self._records(StreamReader(
-                    stream, emit_chunks=True, record_size_limit=self._path.stat().st_size)):
+            for record in self._records(stream):
                 if isinstance(record, Chunk):
                     yield from self._chunk_messages(record, topics)
+                elif isinstance(record, MessageIndex):
+                    yield from self._lost_messages(record, topics)
                 else:
                     yield from self._learn((record,), topics)
+        self._losses.end(self._announced(topics))
 
     def close(self) -> None:
         """Nothing stays open between calls."""
 
-    def _records(self, reader: StreamReader) -> Iterator[McapRecord]:
-        """Records up to the end, or to the point where the file stops making sense."""
-        try:
-            yield from reader.records
-        except Exception as error:
-            if not _is_damage(error):
-                raise
-            self._cut_off = True
+    def _records(self, stream: IO[bytes]) -> Iterator[McapRecord]:
+        """Records of all sections, of each up to where it stops making sense."""
+        for section in sections_of(self._summary, self._path.stat().st_size):
+            stream.seek(section.start)
+            try:
+                yield from _records_of(stream, section)
+            except Exception as error:
+                if not is_damage(error):
+                    raise
+                if section.chunk:
+                    self._losses.next_chunk(lost=True)
+                elif self._summary is None:
+                    self._end_fault = self._end_fault or _CUT_OFF
+                elif stream.tell() <= section.end:  # else it has read on, into what is a section by itself
+                    self._losses.add_place()
 
     def _chunk_messages(self, chunk: Chunk, topics: frozenset[str] | None) -> list[RawMessage]:
         try:
@@ -94,11 +107,23 @@ class McapFile:
                 raise ValueError(f'expected at most {MAX_CHUNK_BYTES} bytes, got {chunk.uncompressed_size}')
             records = breakup_chunk(chunk, validate_crc=True)
         except Exception as error:
-            if not _is_damage(error):
+            if not is_damage(error):
                 raise
-            self._bad_chunks += 1
+            self._losses.next_chunk(lost=True)
             return []
+        self._losses.next_chunk()
         return sorted(self._learn(records, topics), key=lambda message: message.log_stamp_ns)
+
+    def _lost_messages(self, index: MessageIndex, topics: frozenset[str] | None) -> Iterator[RawMessage]:
+        """Those that were in an unreadable chunk, by the record behind it that lists those of a channel."""
+        if not self._losses.chunk_lost:
+            return
+        channel = self._channels.get(index.channel_id)
+        wanted = channel is not None and (topics is None or channel.topic in topics)
+        self._losses.list_lost(None if channel is None else len(index.records) * wanted)
+        if channel is not None and wanted:
+            for log_stamp_ns, _ in sorted(index.records):
+                yield RawMessage(channel.topic, self._msgtype(channel), log_stamp_ns, LOST)
 
     def _learn(self, records: Iterable[McapRecord], topics: frozenset[str] | None) -> Iterator[RawMessage]:
         """Remember schemas and channels, give the messages of the wanted topics."""
@@ -110,6 +135,7 @@ class McapFile:
             elif isinstance(record, Message):
                 channel = self._channels.get(record.channel_id)  # None: its definition was in an unreadable chunk
                 if channel and (topics is None or channel.topic in topics):
+                    self._losses.add_read()
                     msgtype = self._msgtype(channel)
                     data = from_ros1(record.data, msgtype) if channel.message_encoding == ROS1 else record.data
                     yield RawMessage(channel.topic, msgtype, record.log_time, data)
@@ -120,26 +146,40 @@ class McapFile:
             return ''
         return normalize_msgtype(schema.name) if channel.message_encoding == ROS1 else schema.name
 
-    def _read_summary(self) -> bool:
-        """Take channels and counts from the end of the file; False where there is no readable end."""
+    def _read_summary(self) -> str:
+        """Take channels, counts and places from the end of the file; what is wrong with it, empty for nothing."""
         try:
             with self._path.open('rb') as stream:
-                summary = make_reader(stream).get_summary()
+                summary = read_summary(stream)
+        except SummaryError:
+            return _BAD_SUMMARY
         except Exception as error:
-            if not _is_damage(error):
+            if not is_damage(error):
                 raise
-            return False
+            return _CUT_OFF
         if summary is not None:
             self._schemas.update(summary.schemas)
             self._channels.update(summary.channels)
-            self._statistics = summary.statistics
-        return True
+            self._summary = summary
+        return ''
+
+    def _counts(self) -> dict[int, int] | None:
+        """Messages of each channel by the statistics; None where the file does not tell."""
+        statistics = self._summary.statistics if self._summary else None
+        if statistics is None or (statistics.message_count and not statistics.channel_message_counts):
+            return None  # the format allows both
+        return statistics.channel_message_counts
+
+    def _announced(self, topics: frozenset[str] | None) -> int | None:
+        counts = self._counts()
+        if counts is None:
+            return None
+        return sum(counts.get(number, 0) for number, channel in self._channels.items()
+                   if topics is None or channel.topic in topics)
 
     def _summary_topics(self) -> tuple[TopicInfo, ...]:
-        if self._statistics is None:
-            return ()
-        counts = self._statistics.channel_message_counts
-        if self._statistics.message_count and not counts:  # allowed by the format: not available
+        counts = self._counts()
+        if counts is None:
             return ()
         return _merge((channel.topic, self._msgtype(channel), counts.get(number, 0))
                       for number, channel in self._channels.items())
@@ -148,17 +188,24 @@ class McapFile:
         return _merge((message.topic, message.msgtype, 1) for message in self.messages())
 
 
+def _records_of(stream: IO[bytes], section: Section) -> Iterator[McapRecord]:
+    """Those of a section, from its first byte on. Raises: anything where they are not what they should be."""
+    reader = StreamReader(stream, skip_magic=section.start > 0, emit_chunks=True,
+                          record_size_limit=section.end - section.start)
+    for record in reader.records:
+        place = stream.tell()
+        if section.chunk and not (isinstance(record, Chunk) and place == section.end):
+            raise ValueError(f'expected a chunk from byte {section.start} to {section.end}')
+        if place > section.end:
+            return
+        yield record
+        if place == section.end or isinstance(record, DataEnd):
+            return
+
+
 def _merge(entries: Iterable[tuple[str, str, int]]) -> tuple[TopicInfo, ...]:
     """Add up the counts of entries (topic, type, count) of the same topic; several channels may share one."""
     counts: Counter[tuple[str, str]] = Counter()
     for topic, msgtype, count in entries:
         counts[topic, msgtype] += count
     return tuple(TopicInfo(topic, msgtype, count) for (topic, msgtype), count in counts.items())
-
-
-def _is_damage(error: Exception) -> bool:
-    """All but trouble with the medium: the library raises anything on bytes that are not what they should be.
-
-    EINVAL is what it gets for jumping to before the start of a file that is too short.
-    """
-    return not isinstance(error, OSError) or error.errno == errno.EINVAL

@@ -16,9 +16,13 @@ class TopicInfo:
     count: int
 
 
+#: In place of the bytes of a message that was recorded and cannot be read any more; no message of ROS has none.
+LOST = b''
+
+
 @dataclass(frozen=True)
 class RawMessage:
-    """One recorded message. ``log_stamp_ns``: when it was recorded, ns; ``data``: CDR bytes."""
+    """One recorded message. ``log_stamp_ns``: when it was recorded, ns; ``data``: CDR bytes, or ``LOST``."""
 
     topic: str
     msgtype: str

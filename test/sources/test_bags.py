@@ -200,8 +200,8 @@ def test_a_flipped_byte_costs_its_chunk_only(chunked_bag: Path) -> None:
     content[chunk_ends(chunked_bag)[2] - 500_000] ^= 0xFF  # inside the third chunk
     chunked_bag.write_bytes(content)
     with BagReader(chunked_bag) as reader:
-        read = [m.log_stamp_ns for m in reader.messages()]
-        assert reader.damaged == 'chunks.mcap: 1 unreadable chunk(s) skipped'
+        read = [m.log_stamp_ns for m in reader.messages() if m.data]
+        assert reader.damaged == 'chunks.mcap: 1 unreadable chunk(s) skipped, 1 of 10 messages missing'
     assert read == [STAMP + i * PERIOD for i in range(10) if i != 2]
 
 
