@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Iterator
+from itertools import repeat
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from motion_detect_ros.core.errors import SourceError
-from motion_detect_ros.sources.raw import RawMessage, TopicInfo, one_line
+from motion_detect_ros.sources.raw import LOST, RawMessage, TopicInfo, one_line
 
 if TYPE_CHECKING:
     from rosbags import rosbag1, rosbag2
@@ -41,17 +43,23 @@ class ReaderStorage(ABC):
         """Topics with counts from the bag's own index."""
 
     def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
-        """Messages in order of time; where the file breaks, ``damaged`` says so and the rest is left out."""
+        """Messages in order of time; where the file breaks, ``damaged`` says so and the rest is ``LOST``."""
         wanted = [c for c in self._reader.connections if topics is None or c.topic in topics]
         if not wanted:
             return
+        given, stamp_ns = Counter[int](), 0
         try:
             for connection, stamp_ns, data in self._reader.messages(wanted):
+                given[connection.id] += 1
                 yield RawMessage(connection.topic, connection.msgtype, stamp_ns, self._cdr(data, connection.msgtype))
         except self.errors as error:
             if not self._of_content(error, opening=False):
                 raise
             self.damaged = f'{self._path.name}: unreadable from some message on ({one_line(error)})'
+            if self._path.is_file():  # the counts of a folder are its metadata's, and no part comes after it
+                for connection in wanted:
+                    lost = RawMessage(connection.topic, connection.msgtype, stamp_ns, LOST)
+                    yield from repeat(lost, max(0, connection.msgcount - given[connection.id]))
 
     def close(self) -> None:
         """Close the file."""

@@ -206,5 +206,22 @@ def test_a_damaged_chunk_of_ros1_ends_the_bag_there(tmp_path: Path):
     content[at:at + 100] = bytes(100)
     path.write_bytes(content)
     with BagReader(path) as reader:
-        assert len([*reader.messages(['/cam/image_raw'])]) < 4
+        assert len([message for message in reader.messages(['/cam/image_raw']) if message.data]) < 4
         assert 'a.bag: unreadable from some message on' in str(reader.damaged)
+
+
+def test_what_is_lost_of_a_part_moves_no_number_in_the_next(tmp_path: Path):
+    folder, content = tmp_path / 'rec', recorded(8)
+    folder.mkdir()
+    for part in range(2):
+        write_ros1(folder / f'rec_{part}.bag', content[12 * part:][:12], Rosbag1Writer.CompressionFormat.BZ2)
+    first = bytearray((folder / 'rec_0.bag').read_bytes())
+    at = first.index(b'BZh') + 2000
+    first[at:at + 100] = bytes(100)
+    (folder / 'rec_0.bag').write_bytes(first)
+    source = BagFrames(folder)
+    frames = [*source]
+    assert [frame.index for frame in frames][-4:] == [4, 5, 6, 7]
+    assert all(np.array_equal(frame.image, noise(frame.index)) for frame in frames)
+    assert 'rec_0.bag: unreadable from some message on' in str(source.damaged)
+    assert source.bad_frames == 8 - len(frames) > 0
