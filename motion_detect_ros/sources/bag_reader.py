@@ -15,6 +15,7 @@ from motion_detect_ros.sources.frames import describe_folder
 from motion_detect_ros.sources.images import natural_key
 from motion_detect_ros.sources.mcap_file import MAGIC as MCAP_MAGIC
 from motion_detect_ros.sources.mcap_file import McapFile
+from motion_detect_ros.sources.missing_part import MissingPart
 from motion_detect_ros.sources.raw import BagStorage, RawMessage, TopicInfo
 from motion_detect_ros.sources.rosbag1_storage import ROSBAG1_MAGIC, Rosbag1Storage
 from motion_detect_ros.sources.rosbag_storage import SQLITE_MAGIC, RosbagStorage
@@ -46,7 +47,7 @@ class BagReader:
     """The messages of a bag, in order of time.
 
     A bag of several files is read file after file. Damage costs what is damaged: an MCAP file that was cut off
-    gives every intact chunk and ``damaged`` says what is missing.
+    gives every intact chunk, and ``damaged`` says what is missing, whole files of the recording too.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -101,7 +102,8 @@ def _open_parts(path: Path) -> list[BagStorage]:
         raise SourceError(f'{path}: no such bag')
     if _is_compressed(path):
         return [RosbagStorage(path)]
-    files = _listed_files(path) or _storage_files(path)
+    listed = _listed_files(path)
+    files = listed if any(file.is_file() for file in listed) else _storage_files(path)
     if not files:
         raise SourceError(
             f'{path}: found {describe_folder(path)}; expected a bag ({METADATA_NAME}, *.mcap, *.db3, *.bag)')
@@ -109,7 +111,24 @@ def _open_parts(path: Path) -> list[BagStorage]:
         part = f'{path.resolve().name}_0{files[0].suffix}'
         raise SourceError(f'{path}: {len(files)} bags ({files[0].name}, {files[1].name}, ...) that are not parts of '
                           f'one recording ({METADATA_NAME}, {part}, ...); name one of them')
-    return [_open_file(file) for file in files]
+    return _open_files(files)
+
+
+def _open_files(files: list[Path]) -> list[BagStorage]:
+    """The parts of a recording. Raises: SourceError where not one of them can be opened."""
+    parts: list[BagStorage] = []
+    errors: list[SourceError] = []
+    for file in files:
+        later = ', numbers of the frames after it are too small' if file != files[-1] else ''
+        try:
+            parts.append(_open_file(file) if file.exists() or len(files) == 1 else MissingPart(
+                f'{file.name}: missing part of the recording{later}'))
+        except SourceError as error:
+            errors.append(error)
+            parts.append(MissingPart(f'{error}{later}'))
+    if len(errors) == len(files):
+        raise errors[0]
+    return parts
 
 
 def _open_file(path: Path) -> BagStorage:
@@ -136,9 +155,9 @@ def _storage_files(folder: Path) -> list[Path]:
 
 
 def _listed_files(folder: Path) -> list[Path]:
-    """The files that metadata.yaml names and that exist, in its order."""
-    listed = _metadata(folder).get('relative_file_paths') or []
-    return [folder / Path(name).name for name in listed if (folder / Path(name).name).is_file()]
+    """The files that metadata.yaml names, in its order."""
+    listed = _metadata(folder).get('relative_file_paths')
+    return [folder / Path(str(name)).name for name in listed] if isinstance(listed, list) else []
 
 
 def _is_compressed(folder: Path) -> bool:
