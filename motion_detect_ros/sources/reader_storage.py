@@ -26,16 +26,17 @@ class ReaderStorage(ABC):
     errors: ClassVar[tuple[type[Exception], ...]]
     refusal: ClassVar[str]
 
-    def __init__(self, path: Path, reader: rosbag1.Reader | rosbag2.Reader) -> None:
-        """Opens the reader. Raises: SourceError where it cannot."""
-        self._path, self._reader = path, reader
-        self.damaged: str | None = None
+    def __init__(self, path: Path, reader: rosbag1.Reader | rosbag2.Reader, fault: str = '') -> None:
+        """Opens the reader; ``fault``: what is wrong in any case. Raises: SourceError where it cannot."""
+        self._path, self._reader, self._fault = path, reader, fault
+        self.damaged = f'{path.name}: {fault}' if fault else None
         try:
             reader.open()
         except self.errors as error:
             if not self._of_content(error, opening=True):
                 raise
-            raise SourceError(f'{path}: {self.refusal.format(one_line(error))}') from None
+            refusal = self.refusal.format(one_line(error))
+            raise SourceError(f'{path}: {refusal}' + (f'; {fault}' if fault else '')) from None
 
     @property
     @abstractmethod
@@ -55,7 +56,8 @@ class ReaderStorage(ABC):
         except self.errors as error:
             if not self._of_content(error, opening=False):
                 raise
-            self.damaged = f'{self._path.name}: unreadable from some message on ({one_line(error)})'
+            faults = filter(None, (self._fault, f'unreadable from some message on ({one_line(error)})'))
+            self.damaged = f'{self._path.name}: {"; ".join(faults)}'
             if self._path.is_file():  # the counts of a folder are its metadata's, and no part comes after it
                 for connection in wanted:
                     lost = RawMessage(connection.topic, connection.msgtype, stamp_ns, LOST)

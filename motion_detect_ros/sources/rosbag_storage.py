@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import apsw
 from rosbags.rosbag2 import Reader
@@ -22,10 +25,31 @@ class RosbagStorage(ReaderStorage):
 
     def __init__(self, path: Path) -> None:
         """Raises: SourceError where rosbags cannot open it."""
-        super().__init__(path, Reader(path))
+        with _plain_name(path) as plain:
+            super().__init__(path, Reader(plain), _unread_log(path))
 
     @property
     def topics(self) -> tuple[TopicInfo, ...]:
         """Topics with counts from the bag's own index."""
         return tuple(TopicInfo(connection.topic, connection.msgtype, connection.msgcount)
                      for connection in self._reader.connections)
+
+
+@contextmanager
+def _plain_name(path: Path) -> Iterator[Path]:
+    """A name for a file that is to be opened: rosbags puts it into an address as it is, where these mean something."""
+    if not set('?#%') & set(str(path)):
+        yield path
+        return
+    with TemporaryDirectory() as folder:
+        link = Path(folder, f'bag{path.suffix}')
+        link.symlink_to(path.absolute())
+        yield link
+
+
+def _unread_log(path: Path) -> str:
+    """What a recorder that was killed left in SQLite's write-ahead log, which rosbags does not look at."""
+    log = path.with_name(f'{path.name}-wal')
+    size = log.stat().st_size if log.is_file() else 0
+    cure = f'they are taken over by: sqlite3 {path.name} "PRAGMA wal_checkpoint(TRUNCATE)"'
+    return f'{size} bytes of {log.name} are not read; {cure}' if size else ''
