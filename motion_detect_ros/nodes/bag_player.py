@@ -5,17 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
-from rclpy.exceptions import InvalidTopicNameException
-
+from motion_detect_ros.bridge.bag_publishers import BagPublishers
 from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.bridge.runner import main_of
-from motion_detect_ros.bridge.serialized import IMAGE_TYPES, is_static, message_class, quality_of, with_clock
+from motion_detect_ros.bridge.serialized import is_static, with_clock
 from motion_detect_ros.bridge.source_node import SourceNode
 from motion_detect_ros.bridge.topics import CLOCK, TopicPublisher
-from motion_detect_ros.core.errors import MessageError, SourceError
+from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import NANOSECONDS
 from motion_detect_ros.sources.bag_reader import chosen_topics
 from motion_detect_ros.sources.bags import BagReader, RawMessage
@@ -58,23 +56,13 @@ class BagPlayerNode(SourceNode):
     def open(self) -> None:
         """Publishers for all topics of the bag whose types are installed."""
         self._ticks = TopicPublisher(self, CLOCK) if self._with_clock else None
-        self._publishers_of: dict[str, Any] = {}
-        self._images = tuple(topic.name for topic in self._topics if topic.msgtype in IMAGE_TYPES)
-        for topic in self._topics:
-            try:
-                self._publishers_of[topic.name] = self.advertise(
-                    message_class(topic.msgtype), topic.name.lstrip('/'), quality_of(topic))
-            except MessageError as error:
-                self.bad_input(error)
-            except InvalidTopicNameException as error:  # MCAP files of other tools
-                self.bad_input(MessageError(f'topic {topic.name}: {error}'.splitlines()[0]))
+        self._recorded = BagPublishers(self, self._topics)
 
     def produce(self) -> None:
         """Play, again and again where ``loop`` says so."""
-        images = [each for name, each in self._publishers_of.items() if name in self._images]
-        if images:
-            self.await_subscribers(images, lambda: self._ticks.subscribers if self._ticks else 1)
-        if not self._publishers_of:
+        if self._recorded.images:
+            self.await_subscribers(self._recorded.images, lambda: self._ticks.subscribers if self._ticks else 1)
+        if not self._recorded.topics:
             raise SourceError(f'{self._bag}: expected a topic whose type is installed, got none')
         if self._next_s is None:  # it has played before
             self._next_s = float(self.get_parameter('position_s').value)
@@ -110,7 +98,8 @@ class BagPlayerNode(SourceNode):
         """From there to the end, unless the user stops it or jumps; static transforms from before are not left out."""
         first_ns: int | None = None
         with BagReader(self._bag) as reader, self._watched(reader):
-            for clock_ns, message in with_clock(reader.messages(list(self._publishers_of))):
+            played = filter(self._recorded.takes, reader.messages(self._recorded.topics))
+            for clock_ns, message in with_clock(played):
                 if first_ns is None:
                     first_ns = clock_ns + round(start_s * NANOSECONDS)
                     self._pace.begin(first_ns)
@@ -140,7 +129,7 @@ class BagPlayerNode(SourceNode):
         if self._ticks:
             self._ticks.publish(clock_ns)
         start = time.perf_counter()
-        self._publishers_of[message.topic].publish(message.data)
+        self._recorded.publish(message)
         self.stats.count_processed(time.monotonic_ns(), 1e3 * (time.perf_counter() - start), UNKNOWN_AGE_MS)
 
 

@@ -54,7 +54,7 @@ class BagFrames:
     def __iter__(self) -> Iterator[SourceFrame]:
         """Frames in order; a malformed message costs itself only and is counted in ``bad_frames``."""
         self.bad_frames, decoder, selection = 0, ImageDecoder(), Selection(self._window)
-        for index, message in enumerate(self._reader.messages([self.topic.name])):
+        for index, message in enumerate(_messages(self._reader, self.topic.name, self.topic.msgtype)):
             choice = selection.judge(index, message.log_stamp_ns)
             if choice is Choice.END:
                 return
@@ -94,7 +94,7 @@ class BagFrames:
 
     def _read_camera(self) -> CameraModel | None:
         """From the first readable message of ``camera_topic``."""
-        for message in self._reader.messages([self.camera_topic] if self.camera_topic else ()):
+        for message in _messages(self._reader, self.camera_topic, messages.CAMERA_INFO):
             try:
                 return camera_of(messages.deserialize(message.data, messages.CAMERA_INFO))
             except MessageError:
@@ -116,9 +116,14 @@ def decode_message(message: RawMessage, decoder: ImageDecoder) -> tuple[ByteArra
     return image, messages.stamp_of(content)
 
 
+def _messages(reader: BagReader, topic: str | None, msgtype: str) -> Iterator[RawMessage]:
+    """Those of a topic that are of this type, if not all are."""
+    return (message for message in reader.messages([topic] if topic else ()) if message.msgtype == msgtype)
+
+
 def _gyro(reader: BagReader, topic: str | None) -> Iterator[GyroSample]:
     with reader:
-        for message in reader.messages([topic] if topic else ()):
+        for message in _messages(reader, topic, messages.IMU):
             try:
                 content = messages.deserialize(message.data, messages.IMU)
             except MessageError:

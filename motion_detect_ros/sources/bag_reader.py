@@ -16,7 +16,7 @@ from motion_detect_ros.sources.images import natural_key
 from motion_detect_ros.sources.mcap_file import MAGIC as MCAP_MAGIC
 from motion_detect_ros.sources.mcap_file import McapFile
 from motion_detect_ros.sources.missing_part import MissingPart
-from motion_detect_ros.sources.raw import BagStorage, RawMessage, TopicInfo
+from motion_detect_ros.sources.raw import BagStorage, RawMessage, TopicInfo, merged
 from motion_detect_ros.sources.rosbag1_storage import ROSBAG1_MAGIC, Rosbag1Storage
 from motion_detect_ros.sources.rosbag_storage import SQLITE_MAGIC, RosbagStorage
 
@@ -60,14 +60,8 @@ class BagReader:
 
     @property
     def topics(self) -> tuple[TopicInfo, ...]:
-        """All topics with their type and count, in the order they were recorded first."""
-        merged: dict[str, TopicInfo] = {}
-        for part in self._parts:
-            for topic in part.topics:
-                earlier = merged.get(topic.name)
-                count = topic.count + (earlier.count if earlier else 0)
-                merged[topic.name] = TopicInfo(topic.name, topic.msgtype, count)
-        return tuple(merged.values())
+        """All topics with their type and count, in the order they were recorded first; one of two types is two."""
+        return merged(topic for part in self._parts for topic in part.topics)
 
     @property
     def damaged(self) -> str | None:

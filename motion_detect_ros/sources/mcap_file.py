@@ -5,7 +5,6 @@ Format: MCAP specification, https://mcap.dev/spec (chunks of records, each with 
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO
@@ -18,7 +17,7 @@ from rosbags.typesys.msg import normalize_msgtype
 from motion_detect_ros.sources.mcap_losses import Losses
 from motion_detect_ros.sources.mcap_summary import Section, SummaryError, is_damage, read_summary, sections_of
 from motion_detect_ros.sources.messages import from_ros1
-from motion_detect_ros.sources.raw import LOST, RawMessage, TopicInfo
+from motion_detect_ros.sources.raw import LOST, RawMessage, TopicInfo, merged
 
 MAGIC = b'\x89MCAP0\r\n'
 
@@ -181,11 +180,11 @@ class McapFile:
         counts = self._counts()
         if counts is None:
             return ()
-        return _merge((channel.topic, self._msgtype(channel), counts.get(number, 0))
+        return merged(TopicInfo(channel.topic, self._msgtype(channel), counts.get(number, 0))
                       for number, channel in self._channels.items())
 
     def _counted_topics(self) -> tuple[TopicInfo, ...]:
-        return _merge((message.topic, message.msgtype, 1) for message in self.messages())
+        return merged(TopicInfo(message.topic, message.msgtype, 1) for message in self.messages())
 
 
 def _records_of(stream: IO[bytes], section: Section) -> Iterator[McapRecord]:
@@ -201,11 +200,3 @@ def _records_of(stream: IO[bytes], section: Section) -> Iterator[McapRecord]:
         yield record
         if place == section.end or isinstance(record, DataEnd):
             return
-
-
-def _merge(entries: Iterable[tuple[str, str, int]]) -> tuple[TopicInfo, ...]:
-    """Add up the counts of entries (topic, type, count) of the same topic; several channels may share one."""
-    counts: Counter[tuple[str, str]] = Counter()
-    for topic, msgtype, count in entries:
-        counts[topic, msgtype] += count
-    return tuple(TopicInfo(topic, msgtype, count) for (topic, msgtype), count in counts.items())

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -46,6 +47,14 @@ class BagStorage(Protocol):
 
     def close(self) -> None:
         """Let go of the file."""
+
+
+def merged(topics: Iterable[TopicInfo]) -> tuple[TopicInfo, ...]:
+    """Topics of the same name and type, as those of several channels or files, as one with all their messages."""
+    counts: Counter[tuple[str, str]] = Counter()
+    for topic in topics:
+        counts[topic.name, topic.msgtype] += topic.count
+    return tuple(TopicInfo(name, msgtype, count) for (name, msgtype), count in counts.items())
 
 
 def one_line(error: Exception) -> str:

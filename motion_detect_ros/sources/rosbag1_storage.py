@@ -9,7 +9,7 @@ from pathlib import Path
 from rosbags.rosbag1 import Reader, ReaderError
 
 from motion_detect_ros.sources.messages import from_ros1
-from motion_detect_ros.sources.raw import TopicInfo
+from motion_detect_ros.sources.raw import TopicInfo, merged
 from motion_detect_ros.sources.reader_storage import ReaderStorage
 
 ROSBAG1_MAGIC = b'#ROSBAG V'
@@ -30,12 +30,8 @@ class Rosbag1Storage(ReaderStorage):
     @property
     def topics(self) -> tuple[TopicInfo, ...]:
         """Topics with counts from the bag's index; several connections may share one."""
-        merged: dict[str, TopicInfo] = {}
-        for connection in self._reader.connections:
-            earlier = merged.get(connection.topic)
-            count = connection.msgcount + (earlier.count if earlier else 0)
-            merged[connection.topic] = TopicInfo(connection.topic, connection.msgtype, count)
-        return tuple(merged.values())
+        return merged(TopicInfo(connection.topic, connection.msgtype, connection.msgcount)
+                      for connection in self._reader.connections)
 
     def _cdr(self, data: bytes, msgtype: str) -> bytes:
         return from_ros1(data, msgtype)

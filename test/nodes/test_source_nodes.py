@@ -428,6 +428,21 @@ def test_topics_that_cannot_be_played_cost_themselves_only(peer, start, tmp_path
     assert '/front-left/image' in (tmp_path / 'bag_player.log').read_text()
 
 
+def test_a_topic_with_two_types_is_played_with_the_first(peer, start, tmp_path):
+    path, images = tmp_path / 'two.mcap', peer.subscribe(Image, 'image_raw')
+    with BagWriter(path) as writer:
+        for index, stamp in enumerate(STAMPS):
+            writer.write_image(picture(index), stamp)
+            writer.write('/image_raw', messages.make('std_msgs/msg/String', data='a'), stamp)
+    process = start('bag_player', '-p', f'bag:={path}', '-p', 'wait_for_subscribers:=1', '-p', 'rate:=10.0',
+                    *lossless('image_raw'))
+    assert peer.until(lambda: process.poll() is not None)
+    assert peer.until(lambda: len(images) == len(STAMPS))
+    np.testing.assert_array_equal(image_from_msg(images[3]), picture(3))
+    said = 'topic /image_raw: expected one type, got sensor_msgs/msg/Image and std_msgs/msg/String; the first is played'
+    assert (tmp_path / 'bag_player.log').read_text().count(said) == 1
+
+
 def test_a_bag_that_is_a_link_to_nothing_is_one_line(start, tmp_path):
     (tmp_path / 'flight').mkdir()
     (tmp_path / 'flight' / 'flight_0.mcap').symlink_to(tmp_path / 'gone.mcap')

@@ -16,6 +16,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
 from rosbags.typesys import Stores, get_typestore
 
+from motion_detect_ros.__main__ import main
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import CameraModel
 from motion_detect_ros.sources import messages
@@ -173,6 +174,38 @@ def test_messages_of_unknown_types_are_counted_and_in_nobodys_way(tmp_path: Path
     with BagReader(path) as reader:
         assert [(message.topic, message.msgtype) for message in reader.messages()] == [
             ('/odd', 'my_msgs/msg/Odd'), ('/image_raw', messages.IMAGE)]
+
+
+def write_two_types(path: Path, count: int = 10) -> Path:
+    """Images and texts in turn, in two channels of the same topic, as other tools than ROS can write them."""
+    text = bytes(JAZZY.serialize_cdr(messages.make('std_msgs/msg/String', data='a'), 'std_msgs/msg/String'))
+    with path.open('wb') as stream:
+        writer = McapWriter(stream)
+        writer.start(profile='ros2')
+        channels = [writer.register_channel('/image_raw', 'cdr', writer.register_schema(kind, 'ros2msg', b''))
+                    for kind in (messages.IMAGE, 'std_msgs/msg/String')]
+        for index in range(count):
+            stamp = STAMP + index * PERIOD
+            image = messages.serialize(messages.image(noise(index), stamp, 'cam'))
+            for channel, data in zip(channels, (image, text), strict=True):
+                writer.add_message(channel, stamp, data, stamp)
+        writer.finish()
+    return path
+
+
+def test_a_topic_with_two_types_is_two(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    path = write_two_types(tmp_path / 'a.mcap')
+    with BagReader(path) as reader:
+        assert reader.topics == (TopicInfo('/image_raw', messages.IMAGE, 10),
+                                 TopicInfo('/image_raw', 'std_msgs/msg/String', 10))
+    source = BagFrames(path, 'image_raw')
+    frames = [*source]
+    assert [frame.index for frame in frames] == [*range(10)]
+    assert all(np.array_equal(frame.image, noise(frame.index)) for frame in frames)
+    assert (source.frame_count, source.bad_frames, source.damaged) == (10, 0, None)
+    assert main(['inspect', str(path)]) == 0
+    counts = [line.split()[:3] for line in capsys.readouterr().out.splitlines() if line.startswith('/image_raw')]
+    assert counts == [['/image_raw', messages.IMAGE, '10'], ['/image_raw', 'std_msgs/msg/String', '10']]
 
 
 @pytest.mark.parametrize('share', [0.0005, 0.3, 0.95])
