@@ -18,6 +18,7 @@ from motion_detect_ros.core.types import NANOSECONDS
 from motion_detect_ros.sources.bag_reader import chosen_topics
 from motion_detect_ros.sources.bags import BagReader, RawMessage
 from motion_detect_ros.sources.pace import Pace
+from motion_detect_ros.sources.raw import LOST
 
 #: The age of a recorded stamp says nothing about the player.
 UNKNOWN_AGE_MS = float('nan')
@@ -128,6 +129,11 @@ class BagPlayerNode(SourceNode):
         self.stats.count_received(time.monotonic_ns())
         if self._ticks:
             self._ticks.publish(clock_ns)
+        if message.data == LOST:
+            fault = f'{message.topic}: left out: a message that cannot be read as {message.msgtype}'
+            self.stats.count_error(fault)
+            self.get_logger().warning(f'{fault}; further ones are counted', once=True)
+            return
         start = time.perf_counter()
         self._recorded.publish(message)
         self.stats.count_processed(time.monotonic_ns(), 1e3 * (time.perf_counter() - start), UNKNOWN_AGE_MS)

@@ -11,6 +11,7 @@ from lifecycle_msgs.msg import Transition
 from mcap.writer import Writer
 from peers import PATIENT, TIMEOUT_S, image_message, lossless, picture, ready, set_parameters, small
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
+from rosbags.typesys import Stores, get_typestore
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu, PointCloud2
 from std_srvs.srv import Trigger
@@ -441,6 +442,38 @@ def test_a_topic_with_two_types_is_played_with_the_first(peer, start, tmp_path):
     np.testing.assert_array_equal(image_from_msg(images[3]), picture(3))
     said = 'topic /image_raw: expected one type, got sensor_msgs/msg/Image and std_msgs/msg/String; the first is played'
     assert (tmp_path / 'bag_player.log').read_text().count(said) == 1
+
+
+def test_messages_that_cannot_be_converted_are_counted_and_not_played(peer, start, tmp_path):
+    """Every second message of a ROS 1 recording in MCAP holds no image."""
+    path, images = tmp_path / 'ros1.mcap', peer.subscribe(Image, 'image_raw')
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start(profile='ros1')
+        schema = writer.register_schema(
+            'sensor_msgs/Image', 'ros1msg', store.generate_msgdef(messages.IMAGE, ros_version=1)[0].encode())
+        channel = writer.register_channel('/image_raw', 'ros1', schema)
+        for index, stamp in enumerate(STAMPS):
+            cdr = messages.serialize(messages.image(picture(index), stamp, 'eye'))
+            data = bytes(messages.typestore().cdr_to_ros1(cdr, messages.IMAGE)) if index % 2 else b'garbage'
+            writer.add_message(channel, stamp, data, stamp)
+        writer.finish()
+    reports = peer.subscribe(DiagnosticArray, '/diagnostics')
+    start('bag_player', '-p', f'bag:={path}', '-p', 'wait_for_subscribers:=1', '-p', 'loop:=true',
+          *lossless('image_raw'))
+
+    def counts() -> tuple[int, int, int]:
+        values = {pair.key: pair.value for pair in reports[-1].status[0].values} if reports else {}
+        return tuple(int(values.get(name, 0)) for name in ('received', 'processed', 'errors'))
+
+    assert peer.until(lambda: counts()[2] > 8, 60.0), counts()
+    received, processed, errors = counts()
+    assert received - processed - errors in (0, 1)
+    assert abs(processed - errors) <= 1
+    assert {stamp_ns(message.header) for message in images} == {*STAMPS[1::2]}
+    assert (tmp_path / 'bag_player.log').read_text().count(
+        '/image_raw: left out: a message that cannot be read as sensor_msgs/msg/Image') == 1
 
 
 def test_a_bag_that_is_a_link_to_nothing_is_one_line(start, tmp_path):
