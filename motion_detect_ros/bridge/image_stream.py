@@ -14,6 +14,7 @@ TROUBLES = {
     Verdict.SEEN: 'images with a stamp that was seen already are left out',
     Verdict.LATE: 'images that come after later ones are left out',
     Verdict.NEGATIVE: 'images with a stamp before 1970 are left out',
+    Verdict.BEYOND: 'images with a stamp beyond 2038 are left out',
     Verdict.MISSING: 'images carry no stamp (all zero) and are left out: expected a driver that stamps, or the node '
                      'pipeline with stamp_missing:=arrival',
 }

@@ -16,6 +16,7 @@ from motion_detect_ros.core.types import NANOSECONDS, CameraModel, FlowField
 from motion_detect_ros.sources.camera_info import distortion_model_of
 from motion_detect_ros.sources.encoding import FLOW_ENCODING, ImageDecoder, encoding_of, pixel_rows
 from motion_detect_ros.sources.images import decode_image
+from motion_detect_ros.sources.messages import split_stamp
 
 
 def stamp_ns(header: Header) -> int:
@@ -24,12 +25,13 @@ def stamp_ns(header: Header) -> int:
 
 
 def stamp_of(nanoseconds: int) -> Time:
-    """Nanoseconds as a message."""
-    return Time(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)
+    """Nanoseconds as a message. Raises: MessageError for what it cannot hold."""
+    seconds, rest = split_stamp(nanoseconds)
+    return Time(sec=seconds, nanosec=rest)
 
 
 def header_of(nanoseconds: int, frame_id: str) -> Header:
-    """A header with this time and frame."""
+    """A header with this time and frame. Raises: MessageError for a time that it cannot hold."""
     return Header(stamp=stamp_of(nanoseconds), frame_id=frame_id)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from enum import Enum
 
-from motion_detect_ros.core.types import NANOSECONDS
+from motion_detect_ros.core.types import LATEST_STAMP_NS, NANOSECONDS
 
 #: An image that is late by less than this comes too late to be used; one further back is of another run of the clock.
 REORDER_S = 0.3
@@ -24,6 +24,7 @@ class Verdict(Enum):
     LATE = 'late'
     MISSING = 'missing'       # 0 again, or after a date: the camera has not stamped it
     NEGATIVE = 'negative'
+    BEYOND = 'beyond 2038'    # later than a message can say
 
     @property
     def usable(self) -> bool:
@@ -54,8 +55,8 @@ class StampOrder:
         return verdict
 
     def _judged(self, stamp_ns: int) -> Verdict:
-        if stamp_ns < 0:
-            return Verdict.NEGATIVE
+        if not 0 <= stamp_ns <= LATEST_STAMP_NS:
+            return Verdict.NEGATIVE if stamp_ns < 0 else Verdict.BEYOND
         if self._latest is None or stamp_ns > self._latest:
             return Verdict.NEXT
         if stamp_ns == self._latest:

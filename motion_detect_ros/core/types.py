@@ -19,6 +19,8 @@ BoolArray = npt.NDArray[np.bool_]
 RecordArray = npt.NDArray[np.void]
 
 NANOSECONDS = 1_000_000_000
+#: The latest time that a message of ROS can carry, ns: its seconds are int32 (2038-01-19).
+LATEST_STAMP_NS = 2 ** 31 * NANOSECONDS - 1
 
 #: One detected object; the same fields, in this order, travel in the ``detections`` topic.
 DETECTION_DTYPE = np.dtype([

@@ -108,15 +108,16 @@ class CameraNode(SourceNode):
     def _publish(self, frame: SourceFrame) -> None:
         start = time.perf_counter()
         self.stats.count_received(time.monotonic_ns())
-        header = header_of(frame.stamp_ns, self._frame_id)
         height, width = frame.image.shape[:2]
         try:
+            header = header_of(frame.stamp_ns, self._frame_id)
             self._infos.publish(self._info(width, height, header))
             self._images.publish(frame.image, header)
             if self._jpegs.subscribers:
                 self._jpegs.publish(frame.image, header)
         except MotionDetectError as error:
             self.bad_input(error)
+            return
         latency_ms = 1e3 * (time.perf_counter() - start)
         self.stats.count_processed(time.monotonic_ns(), latency_ms, (self.now_ns() - frame.stamp_ns) / 1e6)
         self._count_drops()

@@ -227,7 +227,7 @@ def _counts(replayed: Replayed) -> Iterator[tuple[str, int]]:
     yield 'frames of the input', summary.source_frames
     yield 'processed', summary.frames
     yield 'unreadable or unusable', summary.bad_frames
-    yield 'left out, stamp seen already or late', summary.misstamped_frames
+    yield 'left out, stamp seen already, late or out of range', summary.misstamped_frames
     yield 'left out on request', max(0, summary.source_frames - summary.frames - lost)
     for status, count in summary.ego_status.items():
         if status not in ('ok', 'first_frame'):

@@ -39,7 +39,7 @@ class Percentiles:
 class Summary:
     """One input's replay in numbers; the fields are those of summary.json.
 
-    ``frames``: processed; ``misstamped_frames``: left out, as their stamps were seen already or late;
+    ``frames``: processed; ``misstamped_frames``: left out, as their stamps were seen already, late or out of range;
     ``source_frames``: of the source, those left out and unreadable ones included. ``fps`` (1/s), ``topic``, ``start_s``
     and ``duration_s`` (s), ``every`` (frames): as the user gave them, None where not; ``input_bytes``: None where the
     size is not known. ``formats``: of the detections, names in ``results.formats.FORMATS``; ``overlay``: whether

@@ -18,11 +18,12 @@ from typing import Self
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
-from motion_detect_ros.core.types import NANOSECONDS, CameraModel
+from motion_detect_ros.core.types import LATEST_STAMP_NS, NANOSECONDS, CameraModel
 from motion_detect_ros.sources.address import is_address
 from motion_detect_ros.sources.frames import FrameSource, SourceFrame
 from motion_detect_ros.sources.live import LONGEST_CALL_S, LiveFrames
 from motion_detect_ros.sources.opening import open_source
+from motion_detect_ros.sources.pace import LATE_NS, LONGEST_GAP_NS
 from motion_detect_ros.sources.secrets import masked
 
 #: Pictures looked at for ``behind``, and the share of them that may be dropped before it is reported.
@@ -189,11 +190,13 @@ class Capture:
                 self._changed.notify_all()
 
     def _paced_frames(self) -> Generator[SourceFrame, None, None]:
-        """The frames of the source; those of a file no earlier than their stamps allow."""
-        start_s, first_ns = monotonic(), None
+        """The frames of the source; those of a file no earlier than their stamps allow, as far as these go on."""
+        start_s, first_ns, last_ns = monotonic(), None, 0
         for frame in self._frames:
-            if self._paced:
-                first_ns = frame.stamp_ns if first_ns is None else first_ns
+            if self._paced and frame.stamp_ns <= LATEST_STAMP_NS:
+                if first_ns is None or not -LATE_NS <= frame.stamp_ns - last_ns <= LONGEST_GAP_NS:
+                    start_s, first_ns = monotonic(), frame.stamp_ns
+                last_ns = frame.stamp_ns
                 self._stop.wait(start_s + (frame.stamp_ns - first_ns) / NANOSECONDS - monotonic())
             yield frame
 

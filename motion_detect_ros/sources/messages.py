@@ -86,10 +86,21 @@ def message_definition(msgtype: str) -> str:
 
 
 def header(stamp_ns: int, frame_id: str) -> Any:
-    """std_msgs/Header; stamp in nanoseconds."""
-    seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
+    """std_msgs/Header; stamp in nanoseconds. Raises: MessageError for one that it cannot hold."""
+    seconds, nanoseconds = split_stamp(stamp_ns)
     stamp = make('builtin_interfaces/msg/Time', sec=seconds, nanosec=nanoseconds)
     return make('std_msgs/msg/Header', stamp=stamp, frame_id=frame_id)
+
+
+def split_stamp(stamp_ns: int) -> tuple[int, int]:
+    """Seconds and nanoseconds of a time, as builtin_interfaces/Time has them (int32, uint32).
+
+    Raises: MessageError where the seconds do not fit.
+    """
+    seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
+    if not -2 ** 31 <= seconds < 2 ** 31:
+        raise MessageError(f'stamp: expected seconds from {-2 ** 31} to {2 ** 31 - 1}, got {seconds}')
+    return seconds, nanoseconds
 
 
 def stamp_of(message: Any) -> int:

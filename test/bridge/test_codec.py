@@ -24,6 +24,7 @@ from motion_detect_ros.bridge.images import (
 )
 from motion_detect_ros.core.errors import MessageError
 from motion_detect_ros.core.types import FlowField
+from motion_detect_ros.sources import messages
 
 HEADER = Header(stamp=Time(sec=12, nanosec=34), frame_id='eye')
 
@@ -93,6 +94,15 @@ def test_flow_is_exact_and_keeps_unknown_cells():
 def test_stamps():
     assert stamp_ns(HEADER) == 12_000_000_034
     assert (stamp_of(12_000_000_034).sec, stamp_of(12_000_000_034).nanosec) == (12, 34)
+
+
+@pytest.mark.parametrize('seconds', [2**31, -2**31 - 1, 2**34])
+def test_a_time_that_no_header_can_hold_is_refused(seconds: int):
+    said = f'stamp: expected seconds from -2147483648 to 2147483647, got {seconds}'
+    with pytest.raises(MessageError, match=said):
+        stamp_of(seconds * 1_000_000_000)
+    with pytest.raises(MessageError, match=said):
+        messages.header(seconds * 1_000_000_000, 'camera')
 
 
 @pytest.mark.timing

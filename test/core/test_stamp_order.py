@@ -88,3 +88,11 @@ def test_stamps_of_usable_images_increase_between_jumps_and_all_are_counted(stam
 @pytest.mark.parametrize('verdict', Verdict)
 def test_only_two_verdicts_are_usable(verdict: Verdict):
     assert verdict.usable == (verdict in (NEXT, JUMP))
+
+
+def test_a_stamp_that_no_message_can_carry_is_left_out_and_forgotten():
+    """Seconds are int32 in ROS: up to 2038-01-19 03:14:07."""
+    latest = 2 ** 31 * 1_000_000_000 - 1
+    order = StampOrder()
+    assert [order.judge(stamp) for stamp in (1, latest + 1, 2 ** 64, 2, latest, 3)] == [
+        NEXT, Verdict.BEYOND, Verdict.BEYOND, NEXT, NEXT, JUMP]

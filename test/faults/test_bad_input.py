@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import pytest
 
+from motion_detect_ros.sources import messages
 from motion_detect_ros.sources.bags import BagReader, BagWriter
 
 
@@ -128,3 +129,40 @@ def test_ctrl_c_keeps_what_was_converted(tmp_path: Path, number: signal.Signals)
     with BagReader(part) as bag:
         assert bag.damaged is None
         assert sum(topic.count for topic in bag.topics) >= 6
+
+
+def test_a_stamp_that_no_message_can_carry_costs_that_frame_only(tmp_path: Path) -> None:
+    """The largest one that the bytes of a header have room for."""
+    texture = np.random.default_rng(0).integers(0, 256, (96, 128), np.uint8)
+    with BagWriter(tmp_path / 'a.mcap') as writer:
+        for index in range(6):
+            image = messages.image(np.roll(texture, index, axis=1), index * 10**8, 'camera')
+            if index == 3:
+                image.header.stamp.sec, image.header.stamp.nanosec = 2**31 - 1, 2**32 - 1
+            writer.write('/image_raw', image, index * 10**8)
+    done = run('replay', tmp_path / 'a.mcap', '-o', tmp_path / 'o')
+    assert done.returncode == 0, done.stderr
+    assert '5 frames' in done.stdout
+    assert '1 left out, their stamps were seen already, late or out of range' in done.stdout
+    with BagReader(tmp_path / 'o' / 'detections.mcap') as bag:
+        assert [m.log_stamp_ns // 10**8 for m in bag.messages(['/detections'])] == [0, 1, 2, 4, 5]
+
+
+@pytest.fixture
+def five_pictures(tmp_path: Path) -> Path:
+    folder = tmp_path / 'pictures'
+    folder.mkdir()
+    for index in range(5):
+        cv2.imwrite(str(folder / f'{index}.png'), np.random.default_rng(index).integers(0, 256, (96, 128), np.uint8))
+    return folder
+
+
+def test_a_rate_that_leads_beyond_what_stamps_can_hold(five_pictures: Path, tmp_path: Path) -> None:
+    """At 1e-9 Hz the fourth picture is of 2065."""
+    done = run('replay', five_pictures, '-o', tmp_path / 'o', '--fps', '1e-9')
+    assert done.returncode == 0, done.stderr
+    assert '3 frames' in done.stdout
+    assert '2 left out, their stamps' in done.stdout
+    done = run('convert', 'images', five_pictures, '-o', tmp_path / 'o.mcap', '--fps', '1e-9')
+    assert done.returncode == 2
+    assert done.stderr == 'error: stamp: expected seconds from -2147483648 to 2147483647, got 3000000001\n'

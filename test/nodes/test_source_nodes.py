@@ -407,6 +407,22 @@ def test_damage_that_shows_while_a_file_is_read_is_told(peer, start, tmp_path, n
     assert 'unreadable chunk(s) skipped' in (tmp_path / f'{node}.log').read_text()
 
 
+def test_the_camera_leaves_out_an_image_whose_stamp_no_message_can_carry(peer, start, tmp_path):
+    path, images = tmp_path / 'stamps.mcap', peer.subscribe(Image, 'image_raw')
+    with BagWriter(path) as writer:
+        for index, stamp in enumerate(STAMPS):
+            image = messages.image(picture(index), stamp, 'eye')
+            if index == 3:
+                image.header.stamp.sec, image.header.stamp.nanosec = 2**31 - 1, 2**32 - 1
+            writer.write('/image_raw', image, stamp)
+    process = start('camera', '-p', f'source:={path}', '-p', 'wait_for_subscribers:=1', *lossless('image_raw'))
+    assert peer.until(lambda: process.poll() is not None, 60.0)
+    assert peer.until(lambda: len(images) == len(STAMPS) - 1, 10.0)
+    assert [stamp_ns(message.header) for message in images] == [*STAMPS[:3], *STAMPS[4:]]
+    assert 'input left out: stamp: expected seconds from -2147483648 to 2147483647, got 2147483651' in (
+        tmp_path / 'camera.log').read_text()
+
+
 def test_topics_that_cannot_be_played_cost_themselves_only(peer, start, tmp_path):
     """A JSON channel without a schema, and a name that ROS 2 does not allow, as other tools write them."""
     path, images = tmp_path / 'odd.mcap', peer.subscribe(Image, 'image_raw')

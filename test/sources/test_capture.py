@@ -13,6 +13,8 @@ import pytest
 
 from motion_detect_ros.benchmarks.jpeg_stream import JpegStream
 from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.sources import messages
+from motion_detect_ros.sources.bags import BagWriter
 from motion_detect_ros.sources.capture import Capture
 from motion_detect_ros.sources.live import LiveFrames
 
@@ -198,3 +200,23 @@ def test_a_driver_that_does_not_come_back_is_told(pictures: str, monkeypatch: py
     back.set()
     capture.close()
     assert not capture.blocked
+
+
+@pytest.mark.parametrize('jump_s', [3e9, 1e6, -1e6])
+def test_no_picture_is_waited_for_longer_than_a_day(tmp_path: Path, jump_s: float) -> None:
+    """One stamp that is far away from the others, or all from there on."""
+    for name, odd in (('one', [3]), ('all', range(3, 6))):
+        path = tmp_path / f'{name}.mcap'
+        with BagWriter(path) as writer:
+            for index in range(6):
+                image = messages.image(np.full((24, 32), index, np.uint8), 0, 'camera')
+                image.header.stamp.sec, image.header.stamp.nanosec = 10**9, index * 10**7
+                if index in odd:  # seconds that a header can hold, and those that it cannot
+                    image.header.stamp.sec = round(min(10**9 + jump_s, 2**31 - 1))
+                    image.header.stamp.nanosec += 10**9 * (jump_s > 2**31)
+                writer.write('/image_raw', image, index)
+        with Capture(str(path), queue_size=6) as capture:
+            found = []
+            while (frame := capture.read(10.0)) is not None:
+                found.append(frame.index)
+            assert found == [*range(6)]

@@ -71,7 +71,7 @@ def outcome_of(job: Job, summary: Summary) -> Outcome:
     if summary.bad_frames:
         line += f', {summary.bad_frames} bad frames left out'
     if summary.misstamped_frames:
-        line += f', {summary.misstamped_frames} left out, their stamps were seen already or late'
+        line += f', {summary.misstamped_frames} left out, their stamps were seen already, late or out of range'
     if summary.damaged:
         line += f'; {summary.damaged}'
     if not summary.frames:
