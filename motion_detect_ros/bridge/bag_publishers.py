@@ -10,7 +10,7 @@ from rclpy.exceptions import InvalidTopicNameException
 from motion_detect_ros.bridge.managed_node import ManagedNode
 from motion_detect_ros.bridge.serialized import IMAGE_TYPES, message_class, quality_of
 from motion_detect_ros.core.errors import MessageError
-from motion_detect_ros.sources.raw import RawMessage, TopicInfo
+from motion_detect_ros.sources.raw import LOST, RawMessage, TopicInfo
 
 
 class BagPublishers:
@@ -39,6 +39,12 @@ class BagPublishers:
     def takes(self, message: RawMessage) -> bool:
         """Whether it is of the type that its topic is published with."""
         return self._types.get(message.topic) == message.msgtype
+
+    def fault_of(self, message: RawMessage) -> str:
+        """Why it cannot be published, empty where it can."""
+        if message.data != LOST:
+            return ''
+        return f'{message.topic}: left out: a message that cannot be read as {message.msgtype}'
 
     def publish(self, message: RawMessage) -> None:
         """The bytes as they are."""

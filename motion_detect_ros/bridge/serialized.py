@@ -1,9 +1,8 @@
-"""Messages by name and as bytes, and the time at which they are played: what replaying a bag needs."""
+"""Messages by name and as bytes: what replaying a bag needs."""
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Iterator
 from importlib import import_module
 from typing import Any
 
@@ -12,7 +11,7 @@ from rclpy.qos import QoSProfile
 from motion_detect_ros.bridge.qos import image_qos, imu_qos, latched_qos, record_qos
 from motion_detect_ros.core.errors import MessageError
 from motion_detect_ros.core.types import NANOSECONDS
-from motion_detect_ros.sources.raw import RawMessage, TopicInfo
+from motion_detect_ros.sources.raw import TopicInfo
 
 #: Types whose first field is a std_msgs/Header: its stamp stands at byte 4 of the serialised message.
 IMAGE_TYPES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
@@ -40,17 +39,6 @@ def header_stamp_ns(data: bytes) -> int:
     order = '<' if data[1] & 1 else '>'
     seconds, nanoseconds = struct.unpack_from(f'{order}iI', data, 4)
     return int(seconds) * NANOSECONDS + int(nanoseconds)
-
-
-def with_clock(messages: Iterable[RawMessage]) -> Iterator[tuple[int, RawMessage]]:
-    """What ``/clock`` shows when each message is played (ns), and the message.
-
-    That is when it was recorded; a message that stands after a later one does not turn the clock back.
-    """
-    clock_ns = 0
-    for message in messages:
-        clock_ns = max(clock_ns, message.log_stamp_ns)
-        yield clock_ns, message
 
 
 def is_static(topic: str) -> bool:

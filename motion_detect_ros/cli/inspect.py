@@ -6,6 +6,7 @@ import argparse
 import json
 from collections import defaultdict
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -71,7 +72,8 @@ def inspect_bag(path: Path) -> BagReport:
 
 
 def _topic_report(name: str, msgtype: str, announced: int, stamps_ns: list[int]) -> TopicReport:
-    intervals: DoubleArray = np.diff(np.sort(np.array(stamps_ns, np.int64))).astype(np.float64) / NANOSECONDS
+    steps_ns = [later - earlier for earlier, later in pairwise(sorted(stamps_ns))]  # of times up to 2**64
+    intervals: DoubleArray = np.array(steps_ns, np.float64) / NANOSECONDS
     median = float(np.median(intervals)) if len(intervals) else 0.0
     return TopicReport(
         name, msgtype, len(stamps_ns), announced, 1 / median if median else 0.0,

@@ -19,13 +19,14 @@ from typing import Any
 import numpy as np
 
 from motion_detect_ros.bridge.qos import CLOCK_DEPTH
-from motion_detect_ros.bridge.serialized import header_stamp_ns, with_clock
+from motion_detect_ros.bridge.serialized import header_stamp_ns
 from motion_detect_ros.bridge.transport import environment
 from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.cli.planner import Planner, Received
 from motion_detect_ros.core.errors import MessageError, SourceError
 from motion_detect_ros.presets import find_config
 from motion_detect_ros.sources.bags import BagReader
+from motion_detect_ros.sources.timeline import timeline
 
 #: The three stages as separate processes; the fourth node of the graph is the player or camera.
 STAGES = ('ego_motion', 'optical_flow', 'art2_clustering')
@@ -186,10 +187,10 @@ def _clock_of_images(bag: Path, played: Mapping[str, str], image_topic: str) -> 
     """Stamp of each image that the nodes get -> what ``/clock`` shows when it is played, ns."""
     clock_of: dict[int, int] = {}
     with BagReader(bag) as reader:
-        for clock_ns, message in with_clock(reader.messages(played)):
-            if played[message.topic] == image_topic:
+        for timed in timeline(reader.messages(played)):
+            if played[timed.message.topic] == image_topic:
                 with contextlib.suppress(MessageError):
-                    clock_of.setdefault(header_stamp_ns(message.data), clock_ns)
+                    clock_of.setdefault(header_stamp_ns(timed.message.data), timed.clock_ns)
     return clock_of
 
 

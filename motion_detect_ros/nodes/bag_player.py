@@ -10,7 +10,7 @@ from motion_detect_ros.bridge.bag_publishers import BagPublishers
 from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.bridge.runner import main_of
-from motion_detect_ros.bridge.serialized import is_static, with_clock
+from motion_detect_ros.bridge.serialized import is_static
 from motion_detect_ros.bridge.source_node import SourceNode
 from motion_detect_ros.bridge.topics import CLOCK, TopicPublisher
 from motion_detect_ros.core.errors import SourceError
@@ -18,7 +18,7 @@ from motion_detect_ros.core.types import NANOSECONDS
 from motion_detect_ros.sources.bag_reader import chosen_topics
 from motion_detect_ros.sources.bags import BagReader, RawMessage
 from motion_detect_ros.sources.pace import Pace
-from motion_detect_ros.sources.raw import LOST
+from motion_detect_ros.sources.timeline import Timed, timeline
 
 #: The age of a recorded stamp says nothing about the player.
 UNKNOWN_AGE_MS = float('nan')
@@ -97,23 +97,23 @@ class BagPlayerNode(SourceNode):
 
     def _play_from(self, start_s: float) -> None:
         """From there to the end, unless the user stops it or jumps; static transforms from before are not left out."""
-        first_ns: int | None = None
+        start_ns = round(start_s * NANOSECONDS)
         with BagReader(self._bag) as reader, self._watched(reader):
             played = filter(self._recorded.takes, reader.messages(self._recorded.topics))
-            for clock_ns, message in with_clock(played):
-                if first_ns is None:
-                    first_ns = clock_ns + round(start_s * NANOSECONDS)
-                    self._pace.begin(first_ns)
+            for number, timed in enumerate(timeline(played)):
+                if not number:
+                    self._pace.begin(start_ns)
                 if self.stopped.is_set() or self._next_s is not None:
                     return
-                if clock_ns >= first_ns:
-                    late_s = self._pace.wait(clock_ns)
+                if timed.position_ns >= start_ns:
+                    late_s = self._pace.wait(timed.position_ns)
                     if late_s is None:
                         return
                     self._late_s = late_s
-                elif not is_static(message.topic):
+                    self._tick(timed)
+                elif not is_static(timed.message.topic):
                     continue
-                self._publish(message, max(clock_ns, first_ns))  # else those from before would turn the clock back
+                self._publish(timed.message)
 
     @contextmanager
     def _watched(self, reader: BagReader) -> Iterator[None]:
@@ -125,12 +125,15 @@ class BagPlayerNode(SourceNode):
                 self._damaged = reader.damaged
                 self.get_logger().warning(f'{self._bag}: {self._damaged}')
 
-    def _publish(self, message: RawMessage, clock_ns: int) -> None:
-        self.stats.count_received(time.monotonic_ns())
+    def _tick(self, timed: Timed) -> None:
+        if timed.jump_ns:
+            self.get_logger().warning(f'{timed.jump}: not waited for, nor are further ones', once=True)
         if self._ticks:
-            self._ticks.publish(clock_ns)
-        if message.data == LOST:
-            fault = f'{message.topic}: left out: a message that cannot be read as {message.msgtype}'
+            self._ticks.publish(timed.clock_ns)
+
+    def _publish(self, message: RawMessage) -> None:
+        self.stats.count_received(time.monotonic_ns())
+        if fault := self._recorded.fault_of(message):
             self.stats.count_error(fault)
             self.get_logger().warning(f'{fault}; further ones are counted', once=True)
             return

@@ -423,6 +423,52 @@ def test_the_camera_leaves_out_an_image_whose_stamp_no_message_can_carry(peer, s
         tmp_path / 'camera.log').read_text()
 
 
+def recorded_at(path, times_ns):
+    """Images of ``STAMPS`` and on, recorded at other times, a chunk each."""
+    with BagWriter(path, compress=False, chunk_bytes=1000) as writer:
+        for index, recorded in enumerate(times_ns):
+            writer.write('/image_raw', messages.image(picture(index), STAMPS[0] + index * PERIOD_NS, 'eye'), recorded)
+    return path
+
+
+@pytest.mark.parametrize('wild', [2**63 + 5, 2**64 - 1, STAMPS[0] + 30 * 86_400 * NANOSECONDS, 0])
+def test_a_wild_time_of_recording_neither_stops_the_player_nor_the_clock(peer, start, tmp_path, wild):
+    path = recorded_at(tmp_path / 'wild.mcap', [*STAMPS[:4], wild, *STAMPS[5:]])
+    images, ticks = peer.subscribe(Image, 'image_raw'), peer.subscribe(Clock, '/clock')
+    process = start('bag_player', '-p', f'bag:={path}', '-p', 'wait_for_subscribers:=1', '-p', 'rate:=0.1',
+                    *lossless('image_raw', 'clock'))
+    assert peer.until(lambda: process.poll() is not None, 60.0)
+    assert peer.until(lambda: len(images) == len(STAMPS) == len(ticks), 10.0)
+    assert clock_ns(ticks) == [*STAMPS[:4], STAMPS[3], *STAMPS[5:]]
+    assert (tmp_path / 'bag_player.log').read_text().count('not waited for') == 1
+
+
+def test_a_recorder_without_a_clock_at_first(peer, start, tmp_path):
+    path = recorded_at(tmp_path / 'zero.mcap', [0, *STAMPS[1:]])
+    images, ticks = peer.subscribe(Image, 'image_raw'), peer.subscribe(Clock, '/clock')
+    process = start('bag_player', '-p', f'bag:={path}', '-p', 'wait_for_subscribers:=1', '-p', 'rate:=0.1',
+                    *lossless('image_raw', 'clock'))
+    assert peer.until(lambda: process.poll() is not None, 60.0)
+    assert peer.until(lambda: len(images) == len(STAMPS) == len(ticks), 10.0)
+    assert clock_ns(ticks) == [0, *STAMPS[1:]]
+
+
+def test_a_recording_whose_clock_was_set_back_keeps_its_pace_and_the_clock_goes_back_with_it(peer, start, tmp_path):
+    """By an hour after three of eight images, which are 5 s apart."""
+    times = [STAMPS[0] + 5 * index * NANOSECONDS + 3600 * NANOSECONDS * (index < 3) for index in range(8)]
+    path = recorded_at(tmp_path / 'back.mcap', times)
+    images, ticks, arrivals = peer.subscribe(Image, 'image_raw'), peer.subscribe(Clock, '/clock'), []
+    peer.node.create_subscription(Image, 'image_raw', lambda _: arrivals.append(now_s(peer)), 10)
+    process = start('bag_player', '-p', f'bag:={path}', '-p', 'wait_for_subscribers:=2', '-p', 'rate:=10.0',
+                    *lossless('image_raw', 'clock'))
+    assert peer.until(lambda: process.poll() is not None, 60.0)
+    assert peer.until(lambda: len(images) == 8 == len(ticks), 10.0)
+    assert clock_ns(ticks) == times
+    assert arrivals[-1] - arrivals[3] > 1.9  # four pauses of half a second; an upper limit would measure the machine
+    said = (tmp_path / 'bag_player.log').read_text()
+    assert said.count('/image_raw was recorded -3595.0 s from the time of those before it: not waited for') == 1
+
+
 def test_topics_that_cannot_be_played_cost_themselves_only(peer, start, tmp_path):
     """A JSON channel without a schema, and a name that ROS 2 does not allow, as other tools write them."""
     path, images = tmp_path / 'odd.mcap', peer.subscribe(Image, 'image_raw')

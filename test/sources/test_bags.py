@@ -13,6 +13,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from motion_detect_ros.__main__ import main
 from motion_detect_ros.core.errors import MessageError, SourceError
 from motion_detect_ros.core.types import DETECTION_DTYPE, CameraModel, empty_detections
 from motion_detect_ros.sources import messages
@@ -371,3 +372,12 @@ def test_a_file_that_is_no_bag_is_refused(tmp_path: Path) -> None:
 def test_a_missing_bag_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match='nowhere.mcap: no such bag'):
         BagReader(tmp_path / 'nowhere.mcap')
+
+
+def test_inspect_counts_messages_of_any_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """MCAP keeps times as uint64."""
+    with BagWriter(tmp_path / 'a.mcap') as writer:
+        for index, recorded in enumerate((STAMP, STAMP + PERIOD, 2**63 + 5, 2**64 - 1)):
+            writer.write('/image_raw', messages.image(noise(index), STAMP, 'camera'), recorded)
+    assert main(['inspect', str(tmp_path / 'a.mcap')]) == 0
+    assert '4 readable messages' in capsys.readouterr().out
