@@ -71,14 +71,19 @@ class McapFile:
         summary = self._summary_topics() if topics is not None else ()
         if summary and not any(topic.count and topic.name in topics for topic in summary):  # type: ignore[operator]
             return
+        lost: list[RawMessage] = []
         with self._path.open('rb') as stream:
             for record in self._records(stream):
+                if isinstance(record, MessageIndex):
+                    lost += self._lost_messages(record, topics)
+                    continue
+                yield from sorted(lost, key=_by_time)
+                lost.clear()
                 if isinstance(record, Chunk):
                     yield from self._chunk_messages(record, topics)
-                elif isinstance(record, MessageIndex):
-                    yield from self._lost_messages(record, topics)
                 else:
                     yield from self._learn((record,), topics)
+        yield from sorted(lost, key=_by_time)
         self._losses.end(self._announced(topics))
 
     def close(self) -> None:
@@ -111,7 +116,7 @@ class McapFile:
             self._losses.next_chunk(lost=True)
             return []
         self._losses.next_chunk()
-        return sorted(self._learn(records, topics), key=lambda message: message.log_stamp_ns)
+        return sorted(self._learn(records, topics), key=_by_time)
 
     def _lost_messages(self, index: MessageIndex, topics: frozenset[str] | None) -> Iterator[RawMessage]:
         """Those that were in an unreadable chunk, by the record behind it that lists those of a channel."""
@@ -121,7 +126,7 @@ class McapFile:
         wanted = channel is not None and (topics is None or channel.topic in topics)
         self._losses.list_lost(None if channel is None else len(index.records) * wanted)
         if channel is not None and wanted:
-            for log_stamp_ns, _ in sorted(index.records):
+            for log_stamp_ns, _ in index.records:
                 yield RawMessage(channel.topic, self._msgtype(channel), log_stamp_ns, LOST)
 
     def _learn(self, records: Iterable[McapRecord], topics: frozenset[str] | None) -> Iterator[RawMessage]:
@@ -185,6 +190,10 @@ class McapFile:
 
     def _counted_topics(self) -> tuple[TopicInfo, ...]:
         return merged(TopicInfo(message.topic, message.msgtype, 1) for message in self.messages())
+
+
+def _by_time(message: RawMessage) -> int:
+    return message.log_stamp_ns
 
 
 def _records_of(stream: IO[bytes], section: Section) -> Iterator[McapRecord]:

@@ -181,3 +181,14 @@ def test_players_of_bags_get_no_bytes_for_what_is_lost(bag: Path) -> None:
     with BagReader(bag) as reader:
         given = [(message.log_stamp_ns, bool(message.data)) for message in reader.messages()]
     assert given == [(STAMP + index * PERIOD, index != 2) for index in range(COUNT)]
+
+
+def test_messages_of_several_topics_in_a_lost_chunk_keep_their_order_of_time(tmp_path: Path) -> None:
+    path = tmp_path / 'a.mcap'
+    with BagWriter(path, compress=False, chunk_bytes=100_000) as writer:
+        for index in range(COUNT):
+            writer.write_image(np.full((16, 16), index, np.uint8), STAMP + index * PERIOD, f'/{index % 3}')
+    FAULTS['kind'](path, chunks(path)[0])
+    with BagReader(path) as reader:
+        given = [(message.topic, message.log_stamp_ns, message.data) for message in reader.messages()]
+    assert given == [(f'/{index % 3}', STAMP + index * PERIOD, b'') for index in range(COUNT)]
