@@ -18,12 +18,12 @@ from typing import Self
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
-from motion_detect_ros.core.types import LATEST_STAMP_NS, NANOSECONDS, CameraModel
+from motion_detect_ros.core.stamp_order import StampOrder, Verdict
+from motion_detect_ros.core.types import NANOSECONDS, CameraModel
 from motion_detect_ros.sources.address import is_address
 from motion_detect_ros.sources.frames import FrameSource, SourceFrame
 from motion_detect_ros.sources.live import LONGEST_CALL_S, LiveFrames
 from motion_detect_ros.sources.opening import open_source
-from motion_detect_ros.sources.pace import LATE_NS, LONGEST_GAP_NS
 from motion_detect_ros.sources.secrets import masked
 
 #: Pictures looked at for ``behind``, and the share of them that may be dropped before it is reported.
@@ -31,6 +31,9 @@ _BEHIND_WINDOW = 30
 _BEHIND_SHARE = 0.1
 #: Capture times kept for the rate.
 _RATE_WINDOW = 60
+#: Where the stamps of a file jump back, or ahead by more than this, it goes on at once, seconds: no stage bridges more
+#: (``ego_motion.max_gap_s``). Only a rate that the user gives may be slower.
+LONGEST_PAUSE_S = 60.0
 #: A stopped thread has this long to come back from the driver, s: a little more than a call there may take.
 _JOIN_TIMEOUT_S = LONGEST_CALL_S + 0.5
 
@@ -80,6 +83,7 @@ class Capture:
         self._queue_size = queue_size
         self._drops_when_late = realtime or self._live is not None
         self._paced = realtime and self._live is None
+        self._longest_pause_s = max(LONGEST_PAUSE_S, 2.0 / fps if fps else 0.0)
         self._queue: deque[SourceFrame] = deque()
         self._changed = threading.Condition()
         self._captured = self._delivered = self._dropped = 0
@@ -190,14 +194,16 @@ class Capture:
                 self._changed.notify_all()
 
     def _paced_frames(self) -> Generator[SourceFrame, None, None]:
-        """The frames of the source; those of a file no earlier than their stamps allow, as far as these go on."""
-        start_s, first_ns, last_ns = monotonic(), None, 0
+        """The frames of the source; those of a file no earlier than their stamps allow, anew after each jump."""
+        order, due_s = StampOrder(), monotonic()
+        latest_ns: int | None = None
         for frame in self._frames:
-            if self._paced and frame.stamp_ns <= LATEST_STAMP_NS:
-                if first_ns is None or not -LATE_NS <= frame.stamp_ns - last_ns <= LONGEST_GAP_NS:
-                    start_s, first_ns = monotonic(), frame.stamp_ns
-                last_ns = frame.stamp_ns
-                self._stop.wait(start_s + (frame.stamp_ns - first_ns) / NANOSECONDS - monotonic())
+            verdict = order.judge(frame.stamp_ns) if self._paced else Verdict.LATE
+            if verdict.usable:
+                pause_s = 0.0 if latest_ns is None else (frame.stamp_ns - latest_ns) / NANOSECONDS
+                latest_ns = frame.stamp_ns
+                due_s = due_s + pause_s if 0.0 <= pause_s <= self._longest_pause_s else monotonic()
+                self._stop.wait(due_s - monotonic())
             yield frame
 
     def _offer(self, frame: SourceFrame) -> None:

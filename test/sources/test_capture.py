@@ -71,6 +71,28 @@ def test_a_slow_reader_gets_the_newest_and_is_told(pictures: str) -> None:
     assert (stats.captured, stats.delivered, stats.dropped, stats.behind) == (20, 2, 18, True)
 
 
+SECOND_NS, DATE_S = 1_000_000_000, 1_700_000_000
+
+
+@pytest.mark.parametrize(('seconds', 'least_s'), [
+    ([0.0, *(DATE_S + index / 10 for index in range(5))], 0.4),              # the driver had no time yet
+    ([DATE_S, DATE_S + 0.1, 2_147_483_647, DATE_S + 0.2, DATE_S + 0.3], 0.2),  # one absurd stamp in between
+    ([*(DATE_S + 3600 + index / 10 for index in range(5)), *(DATE_S + index / 10 for index in range(5))], 0.8),
+    ([DATE_S, DATE_S + 0.1, DATE_S + 90.0, DATE_S + 90.1], 0.2),             # the recorder was paused
+])
+def test_a_jump_of_the_stamps_neither_stops_a_file_nor_has_it_rush(
+    tmp_path: Path, seconds: list[float], least_s: float,
+) -> None:
+    with BagWriter(tmp_path / 'flight.mcap') as writer:
+        for index, stamp_s in enumerate(seconds):
+            picture = messages.image(np.full((24, 32), index, np.uint8), round(stamp_s * SECOND_NS), 'eye')
+            writer.write('/image_raw', picture, (index + 1) * SECOND_NS // 10)
+    start = time.monotonic()
+    with Capture(str(tmp_path / 'flight.mcap'), queue_size=len(seconds)) as capture:
+        assert read_all(capture) == list(range(len(seconds)))
+    assert time.monotonic() - start >= least_s
+
+
 @pytest.mark.timing
 def test_files_play_at_their_own_pace(pictures: str) -> None:
     with Capture(pictures, fps=40) as capture:
