@@ -22,13 +22,14 @@ _PART = b'--frame\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n%s\r\
 class JpegStream:
     """Serves pictures again and again at a fixed rate under ``address``; use as a context manager.
 
-    images: (H, W) or (H, W, 3) uint8 each.
+    images: (H, W) or (H, W, 3) uint8 each. ``sent``: pictures sent so far, on all connections.
     """
 
     def __init__(self, images: Sequence[ByteArray], rate_hz: float) -> None:
         jpegs = [cv2.imencode('.jpg', image)[1].tobytes() for image in images]
         handler = self._handler([_PART % (len(jpeg), jpeg) for jpeg in jpegs], rate_hz)
         self._generation = 0
+        self.sent = 0
         self._served = set[BaseHTTPRequestHandler]()
         self._frozen, self._refusing = threading.Event(), threading.Event()
         self._server = ThreadingHTTPServer(('127.0.0.1', 0), handler)
@@ -93,6 +94,7 @@ class JpegStream:
                             if select.select([self.connection], [], [], POLL_S)[0]:  # the other side has hung up
                                 return
                         self.wfile.write(part)
+                        stream.sent += 1
                         time.sleep(1.0 / rate_hz)
                 except OSError:
                     return

@@ -68,6 +68,7 @@ class CameraNode(SourceNode):
         """Capture and publish until the source ends."""
         capture = self._capture
         try:
+            capture.warm_up()
             self.await_subscribers((self._images.publisher, self._jpegs.publisher))
             self._began_s = time.monotonic()
             if not self.stopped.is_set():

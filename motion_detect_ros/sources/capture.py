@@ -40,7 +40,7 @@ _JOIN_TIMEOUT_S = LONGEST_CALL_S + 0.5
 
 @dataclass(frozen=True)
 class CaptureStats:
-    """What happened since the capture was opened.
+    """What happened since ``Capture.start``.
 
     ``captured``: pictures that came from the source; ``delivered``: handed to the reader; ``dropped``: thrown away
     because the reader was late (pictures left out by decimation are neither); ``capture_rate_hz``: of the
@@ -91,12 +91,21 @@ class Capture:
         self._capture_times_s: deque[float] = deque(maxlen=_RATE_WINDOW)
         self._error: SourceError | None = None
         self._ended = False
+        self._wanted = False
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name='capture', daemon=True)
 
+    def warm_up(self) -> None:
+        """Throw pictures of a camera or stream away until ``start``: what waits in its driver would be old by then."""
+        if self._live is not None:
+            self._thread.start()
+
     def start(self) -> None:
         """Take pictures from now on."""
-        self._thread.start()
+        with self._changed:
+            self._wanted = True
+        if self._thread.ident is None:
+            self._thread.start()
 
     def __enter__(self) -> Self:
         self.start()
@@ -208,6 +217,8 @@ class Capture:
 
     def _offer(self, frame: SourceFrame) -> None:
         with self._changed:
+            if not self._wanted:
+                return
             wanted = self._decimation.keep_next()
             self._captured += 1
             self._capture_times_s.append(monotonic())

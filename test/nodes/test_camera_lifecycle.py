@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import State, Transition
@@ -12,6 +13,7 @@ from peers import picture
 from sensor_msgs.msg import Image
 
 from motion_detect_ros.benchmarks.jpeg_stream import JpegStream
+from motion_detect_ros.bridge.images import image_from_msg
 
 
 @pytest.fixture
@@ -54,3 +56,18 @@ def test_a_wrong_source_makes_activation_fail_with_its_reason(peer, start):
         status = reports[-1].status[0]
         assert (status.level, status.message) == (DiagnosticStatus.ERROR, '87: cannot be opened as a camera')
     assert process.poll() is None
+
+
+#: Black pictures that are sent first, and pictures that may be on their way to the node.
+BLACK, ON_THE_WAY = 100, 50
+
+
+def test_pictures_from_before_the_subscribers_are_not_published(peer, start):
+    """The device is opened at once; what waits in its driver meanwhile would get the stamp of now."""
+    black, white = np.zeros((48, 64), np.uint8), np.full((48, 64), 255, np.uint8)
+    with JpegStream([black] * BLACK + [white] * 10_000, rate_hz=50.0) as stream:
+        start('camera', '-p', f'source:={stream.address}', '-p', 'wait_for_subscribers:=1')
+        assert peer.until(lambda: stream.sent > BLACK + ON_THE_WAY)
+        images = peer.subscribe(Image, 'image_raw')
+        assert peer.until(lambda: images)
+    assert image_from_msg(images[0]).min() > 250
