@@ -13,6 +13,7 @@ from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import NANOSECONDS
 from motion_detect_ros.sources.frames import FIRST_STAMP_NS, SourceFrame
 from motion_detect_ros.sources.secrets import masked
+from motion_detect_ros.sources.video_end import cut_off, more_follows
 from motion_detect_ros.sources.window import WHOLE, Choice, Selection, Window
 
 #: FFmpeg guesses by content too and would take a text file for terminal art; only these names are tried.
@@ -61,7 +62,8 @@ class VideoFile:
     """A video file as a frame source.
 
     Stamps are FIRST_STAMP_NS and the container's presentation times (variable frame rate stays variable), or even
-    steps where the caller gives a rate or the container has no times.
+    steps where the caller gives a rate or the container has no times. ``frame_count`` is a guess of OpenCV's where the
+    container does not count.
     """
 
     camera = None
@@ -83,14 +85,14 @@ class VideoFile:
         self.path = path
         self.name = path.stem
         self.frame_count = frames if frames > 0 else None
-        self.damaged: str | None = None
+        self.damaged = cut_off(path)
         self._fps = fps
         self._window = window
 
     def __iter__(self) -> Iterator[SourceFrame]:
-        """Frames from the first; sets ``damaged`` where the file ends before the frames it announces."""
+        """Frames from the first; sets ``damaged`` where later ones than the last readable one follow."""
         capture, selection = open_capture(str(self.path)), Selection(self._window)
-        index, previous_ns = 0, FIRST_STAMP_NS - 1
+        index, previous_ns, last_ms = 0, FIRST_STAMP_NS - 1, 0.0
         try:
             while capture.grab():
                 stamp_ns = self._stamp(capture, index, previous_ns)
@@ -103,10 +105,11 @@ class VideoFile:
                         break
                     yield SourceFrame(index, image.astype(np.uint8, copy=False), stamp_ns)
                 index, previous_ns = index + 1, stamp_ns
+                last_ms = max(last_ms, capture.get(cv2.CAP_PROP_POS_MSEC))
+            if more_follows(capture, last_ms):
+                self.damaged = self.damaged or f'unreadable after {index} frames'
         finally:
             capture.release()
-        if self.frame_count is not None and index < self.frame_count:
-            self.damaged = f'{index} of {self.frame_count} announced frames readable'
 
     def _stamp(self, capture: cv2.VideoCapture, index: int, previous_ns: int) -> int:
         """Time of the frame just read, ns."""
