@@ -33,7 +33,7 @@ def silence_opencv() -> None:
 
 
 def open_capture(
-    address: str | int, timeout_ms: int | None = None, open_timeout_ms: int | None = None,
+    address: Path | str | int, timeout_ms: int | None = None, open_timeout_ms: int | None = None,
 ) -> cv2.VideoCapture:
     """An opened OpenCV capture of a file, address or camera number.
 
@@ -50,7 +50,8 @@ def open_capture(
     else:
         limits = [] if timeout_ms is None else [
             cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, open_timeout_ms or timeout_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, timeout_ms]
-        capture = cv2.VideoCapture(address, cv2.CAP_FFMPEG if timeout_ms is not None else cv2.CAP_ANY, limits)
+        place = str(address.absolute()) if isinstance(address, Path) else address  # relative, 12:00.mkv is a protocol
+        capture = cv2.VideoCapture(place, cv2.CAP_FFMPEG if timeout_ms is not None else cv2.CAP_ANY, limits)
     if not capture.isOpened():
         capture.release()
         kind = 'camera' if isinstance(address, int) else 'video'
@@ -73,7 +74,7 @@ class VideoFile:
         """fps: frames/s to use instead of the container's times. Raises: SourceError for no readable video."""
         if path.suffix.lower() not in VIDEO_SUFFIXES:
             raise SourceError(f'{path}: neither a bag (MCAP, db3) nor a video by its name (.mp4, .avi, .mkv, ...)')
-        capture = open_capture(str(path))
+        capture = open_capture(path)
         try:
             readable = capture.grab()
             self._container_fps = capture.get(cv2.CAP_PROP_FPS)
@@ -91,7 +92,7 @@ class VideoFile:
 
     def __iter__(self) -> Iterator[SourceFrame]:
         """Frames from the first; sets ``damaged`` where later ones than the last readable one follow."""
-        capture, selection = open_capture(str(self.path)), Selection(self._window)
+        capture, selection = open_capture(self.path), Selection(self._window)
         index, previous_ns, last_ms = 0, FIRST_STAMP_NS - 1, 0.0
         try:
             while capture.grab():

@@ -84,6 +84,16 @@ def test_video_stamps_are_those_of_the_container(tmp_path: Path) -> None:
     assert all(abs(int(frame.image[24, 32, 1]) - 20 * frame.index) < 8 for frame in frames)
 
 
+@pytest.mark.parametrize('name', ['2024-05-01T12:00:00.mp4', 'http:a.mp4', 'file:a.mp4', 'clip%03d.mp4'])
+def test_a_relative_name_is_a_file_and_no_protocol(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str,
+) -> None:
+    make_video(tmp_path / 'v.mp4').rename(tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    source = open_source(name)
+    assert (len(list(source)), source.name) == (12, name.removesuffix('.mp4'))
+
+
 def test_fps_overrides_the_container(tmp_path: Path) -> None:
     source = open_source(make_video(tmp_path / 'v.avi'), fps=50)
     assert [frame.stamp_ns for frame in source][:3] == [START_NS + ns for ns in (0, 20_000_000, 40_000_000)]
