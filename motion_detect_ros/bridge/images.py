@@ -41,9 +41,9 @@ def image_from_msg(msg: Image | CompressedImage, decoder: ImageDecoder | None = 
     decoder: of the topic, which learns the depth of 16-bit images from those before; None = this is the only one.
     Raises: MessageError for an unknown encoding, too few bytes, or bytes that are no whole JPEG or PNG.
     """
-    if isinstance(msg, CompressedImage):
-        return _decompressed(msg)
     decoder = decoder or ImageDecoder()
+    if isinstance(msg, CompressedImage):
+        return _decompressed(msg, decoder)
     return decoder.decode(msg.height, msg.width, msg.encoding, bool(msg.is_bigendian), msg.step, msg.data)
 
 
@@ -112,8 +112,8 @@ def bytes_of(values: npt.NDArray[np.generic]) -> array[int]:
     return data
 
 
-def _decompressed(msg: CompressedImage) -> npt.NDArray[np.uint8]:
+def _decompressed(msg: CompressedImage, decoder: ImageDecoder) -> npt.NDArray[np.uint8]:
     try:
-        return decode_image(bytes(msg.data), 'compressed image')
+        return decode_image(bytes(msg.data), 'compressed image', decoder)
     except SourceError as error:
         raise MessageError(f'{error}: expected JPEG or PNG, got format {msg.format!r}') from None

@@ -109,7 +109,7 @@ def decode_message(message: RawMessage, decoder: ImageDecoder) -> tuple[ByteArra
     """
     content = messages.deserialize(message.data, message.msgtype)
     if message.msgtype == messages.COMPRESSED_IMAGE:
-        image = decode_image(content.data.tobytes(), message.topic)
+        image = decode_image(content.data.tobytes(), message.topic, decoder)
     else:
         image = decoder.decode(content.height, content.width, content.encoding, bool(content.is_bigendian),
                                content.step, content.data)

@@ -66,14 +66,14 @@ def decode(
     layout = ENCODINGS[encoding]
     pixels = pixel_rows(height, width, layout.dtype, layout.channels, is_bigendian, step, data)
     if layout.dtype == 'u2':
-        pixels = np.minimum(pixels >> (bits - 8), 255).astype(np.uint8)
+        pixels = _upper_eight(pixels, bits)
     if layout.convert is None:
         return pixels
     return _converted(pixels, layout.convert, encoding)
 
 
 class ImageDecoder:
-    """``decode`` for the images of one stream, which learns how many bits the samples of a 16-bit encoding use.
+    """``decode`` for the images of one stream, which learns how many bits samples of 16 bits use.
 
     That is the least of SENSOR_BITS that holds the largest sample seen so far. It only grows, four times at most, so
     that the brightness of the pictures does not follow what is in them.
@@ -87,11 +87,19 @@ class ImageDecoder:
     ) -> npt.NDArray[np.uint8]:
         """As the function of this name."""
         layout = ENCODINGS.get(encoding)
-        if layout and layout.dtype == 'u2' and self._bits < SENSOR_BITS[-1]:
-            samples = pixel_rows(height, width, layout.dtype, layout.channels, is_bigendian, step, data)
+        if layout and layout.dtype == 'u2':
+            self._learn(pixel_rows(height, width, layout.dtype, layout.channels, is_bigendian, step, data))
+        return decode(height, width, encoding, is_bigendian, step, data, self._bits)
+
+    def reduced(self, samples: npt.NDArray[np.uint16]) -> npt.NDArray[np.uint8]:
+        """The same of a picture of 16 bits that another codec (PNG, TIFF) has decoded; its shape stays."""
+        self._learn(samples)
+        return _upper_eight(samples, self._bits)
+
+    def _learn(self, samples: ImageArray) -> None:
+        if self._bits < SENSOR_BITS[-1]:
             largest = int(samples.max())
             self._bits = max(self._bits, next(bits for bits in SENSOR_BITS if largest < 1 << bits))
-        return decode(height, width, encoding, is_bigendian, step, data, self._bits)
 
 
 def pixel_rows(
@@ -123,6 +131,10 @@ def encoding_of(image: ImageArray) -> str:
     if image.dtype == np.uint8 and image.ndim == 3 and image.shape[2] == 3:
         return 'bgr8'
     raise MessageError(f'image: expected uint8 (H, W) or (H, W, 3), got {image.dtype} {image.shape}')
+
+
+def _upper_eight(samples: ImageArray, bits: int) -> npt.NDArray[np.uint8]:
+    return np.minimum(samples >> (bits - 8), 255).astype(np.uint8)
 
 
 def _converted(pixels: ImageArray, code: int, encoding: str) -> npt.NDArray[np.uint8]:

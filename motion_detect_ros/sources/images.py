@@ -5,12 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import NANOSECONDS, ByteArray, CameraModel
+from motion_detect_ros.sources.encoding import ImageDecoder
 from motion_detect_ros.sources.frames import FIRST_STAMP_NS, SourceFrame, describe_folder
 from motion_detect_ros.sources.window import WHOLE, Choice, Selection, Window
 
@@ -18,6 +21,7 @@ IMAGE_SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.bmp', '.tif', '.tiff', '.
 
 #: Grey stays grey; never turned by an EXIF tag, as flow and calibration belong to the sensor's own axes.
 AS_STORED = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
+_DEEP = AS_STORED | cv2.IMREAD_ANYDEPTH
 _JPEG_START, _JPEG_END = b'\xff\xd8', b'\xff\xd9'
 #: Cameras pad JPEG files; the end marker is looked for in this many last bytes.
 _JPEG_TAIL_BYTES = 1024
@@ -25,10 +29,11 @@ _JPEG_TAIL_BYTES = 1024
 _PNG_START, _PNG_END, _PNG_CHUNK_BYTES = b'\x89PNG\r\n\x1a\n', b'IEND', 12
 
 
-def decode_image(data: bytes, what: str) -> ByteArray:
+def decode_image(data: bytes, what: str, decoder: ImageDecoder | None = None) -> ByteArray:
     """Decode an image file held in memory to (H, W) grey or (H, W, 3) BGR, uint8.
 
-    what: name for the message. Raises: SourceError where the bytes are no complete picture.
+    what: name for the message; decoder: of the stream, learns the depth of 16-bit images from those before, None = this
+    is the only one. Raises: SourceError where the bytes are no complete picture.
     """
     if data[:2] == _JPEG_START and _JPEG_END not in data[-_JPEG_TAIL_BYTES:]:
         # OpenCV would fill the missing rows with grey and call it a picture.
@@ -36,13 +41,21 @@ def decode_image(data: bytes, what: str) -> ByteArray:
     if data.startswith(_PNG_START) and not _has_all_chunks(data):
         # OpenCV would take the memory that a damaged length asks for, up to 4 GB.
         raise SourceError(f'{what}: PNG is cut off after {len(data)} bytes')
-    try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), AS_STORED) if data else None
-    except cv2.error:  # a header that promises an absurd size
-        image = None
+    image = _decoded(data, _DEEP)
+    if image is not None and image.dtype == np.uint16:
+        return (decoder or ImageDecoder()).reduced(image)
+    if image is not None and image.dtype != np.uint8:  # of floating point
+        image = _decoded(data, AS_STORED)
     if image is None:
         raise SourceError(f'{what}: {len(data)} bytes that are no picture')
     return image.astype(np.uint8, copy=False)
+
+
+def _decoded(data: bytes, flags: int) -> npt.NDArray[Any] | None:
+    try:
+        return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    except cv2.error:  # a header that promises an absurd size
+        return None
 
 
 def _has_all_chunks(png: bytes) -> bool:
@@ -101,7 +114,7 @@ class ImageSequence:
 
         Raises: SourceError where the folder of a file has gone.
         """
-        self.bad_frames, selection = 0, Selection(self._window)
+        self.bad_frames, decoder, selection = 0, ImageDecoder(), Selection(self._window)
         for index, (file, stamp_ns) in enumerate(zip(self.files, self.stamps_ns, strict=True)):
             choice = selection.judge(index, stamp_ns)
             if choice is Choice.END:
@@ -109,7 +122,7 @@ class ImageSequence:
             if choice is Choice.SKIP:
                 continue
             try:
-                image = decode_image(file.read_bytes(), str(file))
+                image = decode_image(file.read_bytes(), str(file), decoder)
             except (SourceError, OSError):
                 if not file.parent.is_dir():
                     raise SourceError(f'{file.parent}: the folder has gone while it was read') from None

@@ -25,6 +25,7 @@ from motion_detect_ros.bridge.images import (
 from motion_detect_ros.core.errors import MessageError
 from motion_detect_ros.core.types import FlowField
 from motion_detect_ros.sources import messages
+from motion_detect_ros.sources.encoding import ImageDecoder
 
 HEADER = Header(stamp=Time(sec=12, nanosec=34), frame_id='eye')
 
@@ -125,3 +126,13 @@ def test_720p_takes_at_most_2_ms_a_direction(capsys: pytest.CaptureFixture[str])
     with capsys.disabled():
         print(f'\n720p bgr8: to message {out:.2f} ms, from message {back:.3f} ms')
     assert out <= 2.0 and back <= 2.0
+
+
+def test_compressed_images_of_twelve_bits_are_as_bright_as_raw_ones():
+    raw, compressed = ImageDecoder(), ImageDecoder()
+    for row in ([16, 3200, 4000], [16, 1600, 160]):
+        samples = np.array([row], '<u2')
+        png = cv2.imencode('.png', samples)[1].tobytes()
+        image = Image(height=1, width=3, encoding='mono16', step=6, data=samples.tobytes())
+        np.testing.assert_array_equal(image_from_msg(CompressedImage(format='png', data=png), compressed),
+                                      image_from_msg(image, raw))

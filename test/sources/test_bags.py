@@ -334,6 +334,15 @@ class TestBagFrames:
         for _ in range(2):
             assert [frame.image.tolist() for frame in source] == [[[1, 200, 250]], [[1, 100, 10]]]
 
+    def test_compressed_twelve_bits_are_learnt_too(self, tmp_path: Path) -> None:
+        with BagWriter(tmp_path / 'a.mcap') as writer:
+            for index, row in enumerate(([16, 3200, 4000], [16, 1600, 160])):
+                png = cv2.imencode('.png', np.array([row], np.uint16))[1].tobytes()
+                writer.write_compressed(png, '16UC1; png compressed mono16', STAMP + index)
+        source = BagFrames(tmp_path / 'a.mcap')
+        for _ in range(2):
+            assert [frame.image.tolist() for frame in source] == [[[1, 200, 250]], [[1, 100, 10]]]
+
     def test_prefers_raw_where_a_compressed_copy_is_beside(self, tmp_path: Path) -> None:
         with BagWriter(tmp_path / 'a.mcap') as writer:
             writer.write_compressed(cv2.imencode('.png', noise(1))[1].tobytes(), 'png', STAMP)

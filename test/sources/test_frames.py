@@ -74,6 +74,18 @@ def test_grey_stays_grey_and_16_bit_becomes_8(tmp_path: Path) -> None:
     assert np.array_equal(deep, grey)
 
 
+@pytest.mark.parametrize('bits', [10, 12, 14])
+@pytest.mark.parametrize('suffix', ['.png', '.tiff'])
+def test_pictures_of_sensors_with_fewer_bits_keep_their_contrast(tmp_path: Path, suffix: str, bits: int) -> None:
+    """A bright picture, then a dark one, as mono16 of a topic: the brightness does not follow what is in them."""
+    bright = np.linspace(0, 2 ** bits - 1, 32 * 48).astype(np.uint16).reshape(32, 48)
+    for index, samples in enumerate((bright, bright // 8)):
+        cv2.imwrite(str(tmp_path / f'{index}{suffix}'), samples)
+    images = [frame.image for frame in open_source(tmp_path)]
+    for image, samples in zip(images, (bright, bright // 8), strict=True):
+        np.testing.assert_array_equal(image, np.floor(samples / 2.0 ** bits * 256.0))
+
+
 def test_video_stamps_are_those_of_the_container(tmp_path: Path) -> None:
     source = open_source(make_video(tmp_path / 'v.mp4'))
     frames = list(source)
