@@ -1,4 +1,4 @@
-"""``camera_info_url`` as ROS's camera drivers take it: file:// and package://."""
+"""``camera_info`` of the camera node; ``camera_info_url`` as ROS's camera drivers take it: file:// and package://."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from ament_index_python.packages import PackageNotFoundError, get_package_share_
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
+from motion_detect_ros.bridge.images import camera_to_msg
 from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.core.types import CameraModel
 from motion_detect_ros.sources.calibration_file import CalibrationFile, read_calibration
 
 FILE, PACKAGE = 'file://', 'package://'
@@ -34,3 +36,16 @@ def calibration_to_msg(calibration: CalibrationFile, header: Header) -> CameraIn
         header=header, width=calibration.width, height=calibration.height,
         distortion_model=calibration.distortion_model, d=list(calibration.d), k=list(calibration.k),
         r=list(calibration.r), p=list(calibration.p))
+
+
+def info_of_image(
+    given: CalibrationFile | CameraModel | None, width: int, height: int, header: Header,
+) -> tuple[CameraInfo, str]:
+    """The calibration if it fits an image of this size, pixels, else that of an uncalibrated camera, and why."""
+    size = (given.width or width, given.height or height) if given else (width, height)
+    if size != (width, height):
+        complaint = 'calibration not used: expected one of {}x{} px, got {}x{}'.format(width, height, *size)
+        return camera_to_msg(None, width, height, header), complaint
+    if isinstance(given, CalibrationFile):
+        return calibration_to_msg(given, header), ''
+    return camera_to_msg(given, width, height, header), ''

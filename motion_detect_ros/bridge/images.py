@@ -18,6 +18,9 @@ from motion_detect_ros.sources.encoding import FLOW_ENCODING, ImageDecoder, enco
 from motion_detect_ros.sources.images import decode_image
 from motion_detect_ros.sources.messages import split_stamp
 
+#: Of libjpeg, pixels a side.
+LARGEST_JPEG_PX = 65500
+
 
 def stamp_ns(header: Header) -> int:
     """Time of a header, nanoseconds."""
@@ -57,9 +60,14 @@ def image_to_msg(image: npt.NDArray[np.uint8], header: Header) -> Image:
 
 
 def compressed_to_msg(image: npt.NDArray[np.uint8], header: Header) -> CompressedImage:
-    """JPEG. image: (H, W) or (H, W, 3) uint8. Raises: MessageError for anything else."""
+    """JPEG. image: (H, W) or (H, W, 3) uint8, up to LARGEST_JPEG_PX. Raises: MessageError for anything else."""
     encoding = encoding_of(image)
-    _, buffer = cv2.imencode('.jpg', image)
+    height, width = image.shape[:2]
+    if max(height, width) > LARGEST_JPEG_PX:
+        raise MessageError(f'JPEG: expected up to {LARGEST_JPEG_PX} pixels a side, got {width}x{height}')
+    done, buffer = cv2.imencode('.jpg', image)
+    if not done:
+        raise MessageError(f'JPEG: OpenCV cannot encode {encoding} of {width}x{height} pixels')
     return CompressedImage(header=header, format=f'{encoding}; jpeg compressed {encoding}', data=bytes_of(buffer))
 
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from motion_detect_ros.bridge.calibration_url import calibration_at, calibration_to_msg
+from motion_detect_ros.bridge.calibration_url import calibration_at, info_of_image
 from motion_detect_ros.bridge.diagnostics import Condition, silent
-from motion_detect_ros.bridge.images import camera_to_msg, header_of
+from motion_detect_ros.bridge.images import header_of
 from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S
 from motion_detect_ros.bridge.params import declare_address, declare_simple
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.source_node import SourceNode
 from motion_detect_ros.bridge.topics import CAMERA_INFO, COMPRESSED, IMAGE, TopicPublisher
-from motion_detect_ros.core.errors import MotionDetectError
-from motion_detect_ros.sources.calibration_file import CalibrationFile
+from motion_detect_ros.core.errors import MessageError, MotionDetectError
+from motion_detect_ros.core.types import ByteArray
 from motion_detect_ros.sources.capture import Capture
 from motion_detect_ros.sources.frames import CAMERA_FRAME, SourceFrame
 from motion_detect_ros.sources.secrets import masked, with_secret
@@ -114,11 +114,11 @@ class CameraNode(SourceNode):
             header = header_of(frame.stamp_ns, self._frame_id)
             self._infos.publish(self._info(width, height, header))
             self._images.publish(frame.image, header)
-            if self._jpegs.subscribers:
-                self._jpegs.publish(frame.image, header)
         except MotionDetectError as error:
             self.bad_input(error)
             return
+        if self._jpegs.subscribers:
+            self._compress(frame.image, header)
         latency_ms = 1e3 * (time.perf_counter() - start)
         self.stats.count_processed(time.monotonic_ns(), latency_ms, (self.now_ns() - frame.stamp_ns) / 1e6)
         self._count_drops()
@@ -126,17 +126,18 @@ class CameraNode(SourceNode):
             self.get_logger().warning('processing is slower than the camera: pictures are dropped',
                                       throttle_duration_sec=WARNING_PERIOD_S)
 
+    def _compress(self, image: ByteArray, header: Any) -> None:
+        try:
+            self._jpegs.publish(image, header)
+        except MessageError as error:
+            self.stats.count_error(str(error))
+            self.get_logger().warning(f'{self._jpegs.publisher.topic_name}: {error}', once=True)
+
     def _info(self, width: int, height: int, header: Any) -> Any:
-        """The calibration that fits the image, else that of an uncalibrated camera."""
-        given = self._calibration or self._capture.camera
-        size = (given.width or width, given.height or height) if given else (width, height)
-        if size == (width, height):
-            if isinstance(given, CalibrationFile):
-                return calibration_to_msg(given, header)
-            return camera_to_msg(given, width, height, header)
-        self.get_logger().warning(f'calibration not used: expected one of {width}x{height} px, '
-                                  'got {}x{}'.format(*size), once=True)
-        return camera_to_msg(None, width, height, header)
+        info, complaint = info_of_image(self._calibration or self._capture.camera, width, height, header)
+        if complaint:
+            self.get_logger().warning(complaint, once=True)
+        return info
 
     def _count_drops(self) -> None:
         dropped = self._capture.stats.dropped

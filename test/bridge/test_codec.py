@@ -56,6 +56,11 @@ def test_compressed_images():
         image_from_msg(CompressedImage(format='jpeg', data=b'abc'))
 
 
+def test_an_image_too_wide_for_jpeg_makes_no_empty_message():
+    with pytest.raises(MessageError, match='JPEG: expected up to 65500 pixels a side, got 66000x4'):
+        compressed_to_msg(np.zeros((4, 66_000), np.uint8), HEADER)
+
+
 def test_a_jpeg_that_is_cut_off_is_refused():
     """OpenCV 4.6 makes up the missing rows and calls it a picture."""
     whole = bytes(compressed_to_msg(pixels((60, 80, 3)), HEADER).data)

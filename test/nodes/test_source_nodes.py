@@ -132,6 +132,17 @@ def test_camera_compresses_for_those_who_ask(peer, start, pictures):
         assert np.abs(image_from_msg(message).astype(int) - picture(index)).mean() < 10.0
 
 
+def test_camera_says_once_that_pictures_are_too_wide_for_jpeg(peer, start, tmp_path):
+    folder = tmp_path / 'wide'
+    folder.mkdir()
+    for index in range(8):
+        cv2.imwrite(str(folder / f'{index}.png'), np.full((4, 66_000), index, np.uint8))
+    jpegs, images = peer.subscribe(CompressedImage, 'image_raw/compressed'), peer.subscribe(Image, 'image_raw')
+    film(peer, start, folder, images, 8)
+    assert jpegs == []
+    assert (tmp_path / 'camera.log').read_text().count('JPEG: expected up to 65500 pixels a side, got 66000x4') == 1
+
+
 def play(peer, start, bag, received, count, *arguments):
     """The bag by the player, until it ends and ``received`` holds ``count``, and a little longer."""
     given = ('-p', 'wait_for_subscribers:=1',
