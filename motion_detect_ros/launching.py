@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from motion_detect_ros.core.errors import ConfigError, SourceError
 from motion_detect_ros.presets import preset_path
+from motion_detect_ros.sources.address import path_of
 
 #: Argument ``mode`` -> the nodes that do the work.
 STAGES = {'nodes': ('ego_motion', 'optical_flow', 'art2_clustering'), 'pipeline': ('pipeline',)}
@@ -40,7 +40,7 @@ def parameter_file(text: str) -> str:
 
 def existing(name: str, text: str) -> str:
     """A launch argument that names a file or folder. Raises: SourceError where there is none."""
-    if not text or not Path(text).exists():
+    if not text or not path_of(text).exists():
         raise SourceError(f'launch argument {name}: expected a file or folder, got {text!r}')
     return text
 

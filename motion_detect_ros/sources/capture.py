@@ -11,7 +11,6 @@ from collections import deque
 from collections.abc import Generator
 from contextlib import closing
 from dataclasses import dataclass
-from pathlib import Path
 from time import monotonic
 from types import TracebackType
 from typing import Self
@@ -20,7 +19,7 @@ from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.stamp_order import StampOrder, Verdict
 from motion_detect_ros.core.types import NANOSECONDS, CameraModel
-from motion_detect_ros.sources.address import is_address
+from motion_detect_ros.sources.address import is_address, path_of
 from motion_detect_ros.sources.frames import FrameSource, SourceFrame
 from motion_detect_ros.sources.live import LONGEST_CALL_S, LiveFrames
 from motion_detect_ros.sources.opening import open_source
@@ -58,7 +57,8 @@ class CaptureStats:
 class Capture:
     """Pictures of a camera, stream, video file, image folder or bag; use as a context manager.
 
-    source: camera number (``0``), address (``rtsp://``, ``http://``, ...) or a path that ``open_source`` takes.
+    source: camera number (``0``), address (``rtsp://``, ``http://``, ...) or a path that ``open_source`` takes,
+    with or without ``file://``.
     fps: rate of a folder or video without stamps. decimation_keep, decimation_of: keep the first
     so many of every so many pictures (1 of N: every Nth; 2 of 5: pairs of neighbours for the flow, and time to process
     them). queue_size: pictures that may wait. realtime: files are played at the pace of their stamps and late pictures
@@ -78,7 +78,7 @@ class Capture:
                 'capture: expected queue_size >= 1 and 1 <= decimation_keep <= decimation_of, got '
                 f'queue_size={queue_size}, decimation_keep={decimation_keep}, decimation_of={decimation_of}')
         self._live = LiveFrames(source) if is_address(source) else None
-        self._frames: FrameSource | LiveFrames = self._live or open_source(Path(source), fps, topic)
+        self._frames: FrameSource | LiveFrames = self._live or open_source(path_of(source), fps, topic)
         self._decimation = FrameDecimation(decimation_keep, decimation_of)
         self._queue_size = queue_size
         self._drops_when_late = realtime or self._live is not None

@@ -12,6 +12,7 @@ import numpy as np
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import ByteArray
 from motion_detect_ros.sources.frames import SourceFrame
+from motion_detect_ros.sources.secrets import masked
 from motion_detect_ros.sources.unreachable import TIMEOUT_S as REASON_TIMEOUT_S
 from motion_detect_ros.sources.unreachable import why_unreachable
 from motion_detect_ros.sources.video import open_capture
@@ -27,6 +28,9 @@ TIMEOUT_MS = 4000
 OPEN_TIMEOUT_MS = TIMEOUT_MS if int(cv2.__version__.split('.')[0]) >= 5 else 12_000
 #: After ``stop``, until the thread that iterates comes back, s: it opens or reads, or asks why that failed.
 LONGEST_CALL_S = max(TIMEOUT_MS / 1e3, 2 * REASON_TIMEOUT_S)
+#: Addresses that may be those of recordings, by the names of containers.
+_WEB = ('http://', 'https://')
+_RECORDINGS = ('.mp4', '.m4v', '.mov', '.avi', '.mkv', '.webm')
 
 
 class LiveFrames:
@@ -48,6 +52,7 @@ class LiveFrames:
             self._capture: cv2.VideoCapture | None = self._open()
         except SourceError as error:
             raise SourceError(': '.join(filter(None, (str(error), why_unreachable(source))))) from None
+        self._refuse_recording(self._capture)
 
     def stop(self) -> None:
         """End the iteration at the next picture or attempt."""
@@ -76,6 +81,16 @@ class LiveFrames:
     def _open(self) -> cv2.VideoCapture:
         return open_capture(
             int(self.source) if self.source.isdigit() else self.source, TIMEOUT_MS, OPEN_TIMEOUT_MS)
+
+    def _refuse_recording(self, capture: cv2.VideoCapture) -> None:
+        """A file on a web server comes as fast as it can, and again and again."""
+        if not (self.source.startswith(_WEB) and self.source.partition('?')[0].lower().endswith(_RECORDINGS)):
+            return
+        frames = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))  # live WebM has no length
+        if frames > 0:
+            self.release()
+            raise SourceError(f'{masked(self.source)}: expected a live stream, got a recording of {frames} frames; '
+                              'download it and give its path')
 
     def _read(self) -> ByteArray | None:
         if self._capture is None:

@@ -205,10 +205,11 @@ def test_the_transport_environment_is_that_of_our_nodes_alone(path: Path, tmp_pa
         assert set(node['additional_env']) == set(VARIABLES)
 
 
+@pytest.mark.parametrize('scheme', ['', 'file://'])
 @pytest.mark.parametrize('mode', STAGES)
-def test_a_file_waits_for_the_stages_and_the_launch_ends_with_it(mode: str, tmp_path: Path, launched):
+def test_a_file_waits_for_the_stages_and_the_launch_ends_with_it(mode: str, scheme: str, tmp_path: Path, launched):
     camera = {node['executable']: node for node in launched(
-        DETECT, mode=mode, source=str(tmp_path), use_respawn='true')}['camera']
+        DETECT, mode=mode, source=f'{scheme}{tmp_path}', use_respawn='true')}['camera']
     assert parameters(camera)['wait_for_nodes'] == ','.join(STAGES[mode])
     assert camera['respawn'] is False
     check_ends(camera['on_exit'])

@@ -5,6 +5,8 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import cv2
@@ -139,6 +141,35 @@ def test_unopenable_sources_are_refused(source: str) -> None:
 def test_senseless_selection_is_refused(pictures: str, selection: dict[str, int]) -> None:
     with pytest.raises(SourceError, match='capture: expected queue_size >= 1 and 1 <= decimation_keep'):
         Capture(pictures, **selection)
+
+
+def film(path: Path) -> Path:
+    """Ten frames, 1 s."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*'MJPG'), 10.0, (64, 48))
+    for index in range(10):
+        writer.write(np.full((48, 64, 3), 20 * index, np.uint8))
+    writer.release()
+    return path
+
+
+def test_a_file_address_is_played_as_a_file(tmp_path: Path) -> None:
+    with Capture(f'file://{film(tmp_path / "film.avi")}', realtime=False) as capture:
+        assert [capture.read(TIMEOUT_S) is not None for _ in range(11)] == [True] * 10 + [False]
+        assert capture.ended
+
+
+@pytest.mark.parametrize('name', ['film.avi', 'film.mkv', 'film.mp4'])
+def test_a_recording_on_a_web_server_is_no_live_stream(tmp_path: Path, name: str) -> None:
+    """It would be read as fast as the network is, over and over, and stamped with the time of day."""
+    film(tmp_path / name)
+    files = ThreadingHTTPServer(('127.0.0.1', 0), partial(SimpleHTTPRequestHandler, directory=str(tmp_path)))
+    threading.Thread(target=files.serve_forever, daemon=True).start()
+    try:
+        with pytest.raises(SourceError, match=f'{name}: expected a live stream, got a recording of 10 frames'):
+            Capture(f'http://127.0.0.1:{files.server_port}/{name}')
+    finally:
+        files.shutdown()
+        files.server_close()
 
 
 @pytest.fixture
