@@ -69,8 +69,9 @@ def _has_all_chunks(png: bytes) -> bool:
 
 
 def image_files(folder: Path) -> list[Path]:
-    """The picture files of a folder (not of its sub-folders), ``2.png`` before ``10.png``."""
-    files = [file for file in folder.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES and file.is_file()]
+    """The picture files of a folder (not of its sub-folders), ``2.png`` before ``10.png``; no hidden ones."""
+    files = [file for file in folder.iterdir()
+             if file.suffix.lower() in IMAGE_SUFFIXES and not file.name.startswith('.') and file.is_file()]
     return sorted(files, key=lambda file: natural_key(file.name))
 
 

@@ -110,7 +110,7 @@ class KittiDrive:
         if not (folder / 'timestamps.txt').is_file():
             return []
         stamps = read_stamps(folder / 'timestamps.txt')
-        return [read_oxts(file, _stamp_of(file, stamps)) for file in sorted((folder / 'data').glob('*.txt'))]
+        return [read_oxts(file, _stamp_of(file, stamps)) for file in sorted((folder / 'data').glob('[!.]*.txt'))]
 
     def gyro(self) -> Iterator[GyroSample]:
         """Angular rates of the GPS/IMU unit about its body axes (x forward, y left, z up). Raises: as ``oxts``."""

@@ -45,6 +45,16 @@ def test_pictures_come_in_natural_order(tmp_path: Path) -> None:
     assert [int(frame.image[0, 0, 0]) for frame in open_source(folder)] == [0, 10, 20]
 
 
+def test_hidden_files_are_no_pictures(tmp_path: Path) -> None:
+    """macOS puts one beside each file on drives that are not its own."""
+    folder = make_pictures(tmp_path / 'p', ['1.jpg', '2.jpg'])
+    for name in ('._1.jpg', '._2.jpg'):
+        (folder / name).write_bytes(b'\0\5\x16\7' + bytes(100))
+    source = open_source(folder)
+    assert [(frame.index, frame.stamp_ns - START_NS) for frame in source] == [(0, 0), (1, 40_000_000)]
+    assert source.bad_frames == 0
+
+
 def test_folder_stamps_do_not_drift(tmp_path: Path) -> None:
     folder = make_pictures(tmp_path / 'p', [f'{n}.png' for n in range(31)])
     stamps = [frame.stamp_ns for frame in open_source(folder, fps=30)]

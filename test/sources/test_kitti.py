@@ -75,6 +75,11 @@ def test_calibration_is_that_of_the_rectified_colour_camera(drive: Path) -> None
     assert source.calibration.projection[0, 3] == 44.85728
 
 
+def test_hidden_files_are_no_packets(drive: Path) -> None:
+    (drive / 'oxts/data/._0000000000.txt').write_bytes(b'\0\5\x16\7')
+    assert len(KittiDrive(drive).oxts()) == 2
+
+
 def test_oxts_columns_and_stamps(drive: Path) -> None:
     first, second = KittiDrive(drive).oxts()
     assert first.acceleration == (11, 12, 13)
