@@ -22,9 +22,9 @@ IMAGE_SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.bmp', '.tif', '.tiff', '.
 #: Grey stays grey; never turned by an EXIF tag, as flow and calibration belong to the sensor's own axes.
 AS_STORED = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
 _DEEP = AS_STORED | cv2.IMREAD_ANYDEPTH
-_JPEG_START, _JPEG_END = b'\xff\xd8', b'\xff\xd9'
-#: Cameras pad JPEG files; the end marker is looked for in this many last bytes.
-_JPEG_TAIL_BYTES = 1024
+_JPEG_START, _JPEG_END = b'\xff\xd8', 0xd9
+#: A marker of JPEG; coded pixels hold 0xff before 0 and between the eight restart markers only (ITU T.81, B.1.1).
+_JPEG_MARKER = re.compile(rb'\xff[^\x00\xd0-\xd7\xff]')
 #: A PNG is this, then chunks: 4 bytes of length, 4 of kind, the content, 4 of checksum.
 _PNG_START, _PNG_END, _PNG_CHUNK_BYTES = b'\x89PNG\r\n\x1a\n', b'IEND', 12
 
@@ -35,7 +35,7 @@ def decode_image(data: bytes, what: str, decoder: ImageDecoder | None = None) ->
     what: name for the message; decoder: of the stream, learns the depth of 16-bit images from those before, None = this
     is the only one. Raises: SourceError where the bytes are no complete picture.
     """
-    if data[:2] == _JPEG_START and _JPEG_END not in data[-_JPEG_TAIL_BYTES:]:
+    if data.startswith(_JPEG_START) and not _has_jpeg_end(data):
         # OpenCV would fill the missing rows with grey and call it a picture.
         raise SourceError(f'{what}: JPEG is cut off after {len(data)} bytes')
     if data.startswith(_PNG_START) and not _has_all_chunks(data):
@@ -56,6 +56,17 @@ def _decoded(data: bytes, flags: int) -> npt.NDArray[Any] | None:
         return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     except cv2.error:  # a header that promises an absurd size
         return None
+
+
+def _has_jpeg_end(jpeg: bytes) -> bool:
+    """Whether the end marker comes; that of a thumbnail does not count, and what follows does not matter."""
+    place = len(_JPEG_START)
+    while found := _JPEG_MARKER.search(jpeg, place):
+        place = found.end()
+        if jpeg[place - 1] == _JPEG_END:
+            return True
+        place += int.from_bytes(jpeg[place:place + 2], 'big')  # the length of its segment, thumbnails are inside one
+    return False
 
 
 def _has_all_chunks(png: bytes) -> bool:

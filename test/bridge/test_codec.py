@@ -68,6 +68,33 @@ def test_a_jpeg_that_is_cut_off_is_refused():
         image_from_msg(CompressedImage(format='jpeg', data=whole[:len(whole) * 9 // 10]))
 
 
+def jpeg_forms() -> list[bytes]:
+    """Baseline, progressive, with restart markers, with a thumbnail in an APP1 segment."""
+    image = pixels((120, 160, 3))
+    forms = [cv2.imencode('.jpg', image, options)[1].tobytes() for options in (
+        [], [cv2.IMWRITE_JPEG_PROGRESSIVE, 1], [cv2.IMWRITE_JPEG_RST_INTERVAL, 4])]
+    small = cv2.imencode('.jpg', pixels((16, 16, 3)))[1].tobytes()
+    return [*forms, forms[0][:2] + b'\xff\xe1' + struct.pack('>H', len(small) + 2) + small + forms[0][2:]]
+
+
+@pytest.mark.parametrize('form', range(4))
+def test_a_jpeg_may_have_anything_behind_its_end(form):
+    """Motion photos have a video there, cameras fill blocks of memory."""
+    whole = jpeg_forms()[form]
+    expected = image_from_msg(CompressedImage(format='jpeg', data=whole))
+    for rest in (bytes(3000), b'\xff' * 3000, bytes(pixels((3000,)))):
+        np.testing.assert_array_equal(image_from_msg(CompressedImage(format='jpeg', data=whole + rest)), expected)
+
+
+@pytest.mark.parametrize('form', range(4))
+def test_a_jpeg_that_is_cut_off_anywhere_is_refused(form):
+    whole = jpeg_forms()[form]
+    for length in (*range(2, 1500, 7), *range(1500, len(whole) - 1, 997), len(whole) - 1):
+        for rest in (b'', bytes(3000)):
+            with pytest.raises(MessageError, match=r'JPEG is cut off after|bytes that are no picture'):
+                image_from_msg(CompressedImage(format='jpeg', data=whole[:length] + rest))
+
+
 def test_compressed_images_are_not_turned_by_their_exif_tag():
     """The APP1 segment says orientation 6 (turn by 90 degrees), as phones and action cameras write it."""
     plain = bytes(compressed_to_msg(np.zeros((20, 40, 3), np.uint8), HEADER).data)
