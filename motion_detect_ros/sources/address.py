@@ -5,11 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 _FILE = 'file://'
+_DIGITS = 9
 
 
 def is_address(source: str) -> bool:
     """True for a camera number or a network address, False for a path, also one that begins with ``file://``."""
-    return source.isdigit() or ('://' in source and not source.startswith(_FILE))
+    return camera_number(source) is not None or ('://' in source and not source.startswith(_FILE))
+
+
+def camera_number(source: str) -> int | None:
+    """The number of a camera; None for what is none."""
+    return int(source) if source.isdecimal() and len(source) <= _DIGITS else None
 
 
 def path_of(source: str) -> Path:

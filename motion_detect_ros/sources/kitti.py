@@ -145,15 +145,21 @@ def read_stamps(path: Path) -> list[int]:
 
 
 def read_calibration(path: Path) -> Calibration:
-    """P_rect_02 and S_rect_02 of a calib_cam_to_cam.txt. Raises: SourceError where they are missing."""
-    lines = dict(line.split(':', 1) for line in path.read_text(encoding='ascii').splitlines() if ':' in line)
+    """P_rect_02 and S_rect_02 of a calib_cam_to_cam.txt. Raises: SourceError where they are missing or no camera's."""
     try:
+        text = path.read_text(encoding='ascii', errors='replace')
+        lines = dict(line.split(':', 1) for line in text.splitlines() if ':' in line)
         width, height = (int(float(value)) for value in lines['S_rect_02'].split())
         projection = np.array(lines['P_rect_02'].split(), np.float64).reshape(3, 4)
-    except (KeyError, ValueError) as error:
+    except (OSError, KeyError, ValueError, OverflowError) as error:
         raise SourceError(f'{path}: expected S_rect_02 (2 numbers) and P_rect_02 (12 numbers): {error}') from None
-    camera = CameraModel(width, height, float(projection[0, 0]), float(projection[1, 1]),
-                         float(projection[0, 2]), float(projection[1, 2]))
+    if min(width, height) < 1:
+        raise SourceError(f'{path}: S_rect_02: expected a size in pixels, got {width}x{height}')
+    fx, fy, cx, cy = (float(projection[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    camera = CameraModel.of(width, height, fx, fy, cx, cy)
+    if camera is None:
+        raise SourceError(f'{path}: P_rect_02: expected focal lengths of 1 px or more, got {fx:g} and {fy:g}, '
+                          f'and a finite centre, got {cx:g}, {cy:g}')
     return Calibration(camera, projection)
 
 
@@ -173,7 +179,7 @@ def read_oxts(path: Path, stamp_ns: int) -> OxtsSample:
 
 def _stamp_of(file: Path, stamps: list[int]) -> int:
     """The stamp that belongs to a file by its number: line 1 is ``0000000000``."""
-    if not file.stem.isdigit():
+    if not file.stem.isdecimal():
         raise SourceError(f'{file}: expected a file named by its number, such as 0000000000{file.suffix}')
     if int(file.stem) >= len(stamps):
         raise SourceError(f'{file}: timestamps.txt has {len(stamps)} lines, none for this file')

@@ -11,6 +11,7 @@ import numpy as np
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import ByteArray
+from motion_detect_ros.sources.address import camera_number
 from motion_detect_ros.sources.frames import SourceFrame
 from motion_detect_ros.sources.secrets import masked
 from motion_detect_ros.sources.unreachable import TIMEOUT_S as REASON_TIMEOUT_S
@@ -79,8 +80,8 @@ class LiveFrames:
             self._capture = None
 
     def _open(self) -> cv2.VideoCapture:
-        return open_capture(
-            int(self.source) if self.source.isdigit() else self.source, TIMEOUT_MS, OPEN_TIMEOUT_MS)
+        number = camera_number(self.source)
+        return open_capture(self.source if number is None else number, TIMEOUT_MS, OPEN_TIMEOUT_MS)
 
     def _refuse_recording(self, capture: cv2.VideoCapture) -> None:
         """A file on a web server comes as fast as it can, and again and again."""

@@ -20,6 +20,6 @@ def visdrone_sequence(folder: str | Path, fps: float = DEFAULT_FPS) -> ImageSequ
     if not folder.is_dir():
         raise SourceError(f'{folder}: no such folder')
     files = image_files(folder)
-    if not files or not all(file.stem.isdigit() for file in files):
+    if not files or not all(file.stem.isdecimal() for file in files):
         raise SourceError(f'{folder}: found {describe_folder(folder)}; expected {LAYOUT}')
     return image_folder(folder, fps)

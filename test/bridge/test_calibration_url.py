@@ -43,6 +43,12 @@ def test_files_and_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     ('file://{}', GOOD.replace('image_width: 640', ''), "KeyError: 'image_width'"),
     ('file://{}', GOOD.replace('[1, 0, 2, 0, 3, 4, 0, 0, 1]', '[1, 2]'), 'camera_matrix: expected 9 values, got 2'),
     ('file://{}', '{', 'expected a calibration'),
+    *[('file://{}', GOOD.replace('640', width), rf'image_width: expected a whole number of pixels, got {got}$')
+      for width, got in (('.inf', 'inf'), ('.nan', 'nan'), ('-5', '-5'), ('99999999999', '99999999999'),
+                         ('1.5', '1.5'), ('wide', "'wide'"), ('1' + '0' * 400, '10+'), ('[640]', r'\[640\]'))],
+    ('file://{}', GOOD.replace('640', '0001-99-99'), 'expected a calibration, got month must be in 1..12'),
+    ('file://{}', '[' * 2000 + ']' * 2000, 'expected a calibration, got maximum recursion depth exceeded'),
+    ('file://{}', GOOD.replace('[5, 0, 6', '[1' + '0' * 400 + ', 0, 6'), 'OverflowError: int too large'),
 ])
 def test_what_is_no_calibration_is_refused_in_one_line(url: str, content: str, words: str, tmp_path: Path):
     file = tmp_path / 'lens.yaml'

@@ -130,7 +130,7 @@ def test_closing_does_not_wait_for_a_blocked_thread(pictures: str) -> None:
     assert not capture.blocked
 
 
-@pytest.mark.parametrize('source', ['/no/such/file.mp4', 'http://127.0.0.1:9/stream', '87'])
+@pytest.mark.parametrize('source', ['/no/such/file.mp4', 'http://127.0.0.1:9/stream', '87', '²', '9' * 30])
 def test_unopenable_sources_are_refused(source: str) -> None:
     with pytest.raises(SourceError, match=source.lstrip('/')):
         Capture(source)

@@ -121,6 +121,26 @@ def test_a_drive_without_calibration_has_no_camera(drive: Path) -> None:
     assert KittiDrive(drive).camera is None
 
 
+@pytest.mark.parametrize(('old', 'new', 'words'), [
+    ('1.242000e+03', 'inf', 'expected S_rect_02 (2 numbers) and P_rect_02 (12 numbers)'),
+    ('1.242000e+03', '-5', 'S_rect_02: expected a size in pixels, got -5x375'),
+    ('7.215377e+02', 'nan', 'P_rect_02: expected focal lengths of 1 px or more, got nan and nan'),
+    ('7.215377e+02', '0', 'P_rect_02: expected focal lengths of 1 px or more, got 0 and 0')])
+def test_numbers_that_are_no_calibration_are_refused_in_one_line(drive: Path, old: str, new: str, words: str) -> None:
+    path = drive.parent / 'calib_cam_to_cam.txt'
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(SourceError) as caught:
+        KittiDrive(drive)
+    assert str(caught.value).startswith(f'{path}: {words}')
+    assert '\n' not in str(caught.value)
+
+
+def test_letters_of_other_alphabets_beside_the_calibration_do_not_matter(drive: Path) -> None:
+    path = drive.parent / 'calib_cam_to_cam.txt'
+    path.write_bytes('# Köln\n'.encode('latin-1') + path.read_bytes())
+    assert KittiDrive(drive).camera == CameraModel(1242, 375, 721.5377, 721.5377, 609.5593, 172.8540)
+
+
 def test_wrong_layout_names_what_is_there_and_what_should_be(tmp_path: Path) -> None:
     (tmp_path / 'image_00').mkdir()
     with pytest.raises(SourceError) as caught:
