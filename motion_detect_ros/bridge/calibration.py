@@ -7,11 +7,12 @@ from typing import Any
 
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.core.types import CameraModel
-from motion_detect_ros.sources.camera_info import camera_of
+from motion_detect_ros.sources.camera_info import camera_of, lens_problem
 
 #: Sizes that a driver rounds otherwise when it bins pixels, pixels.
 SIZE_TOLERANCE_PX = 1
 NONE, USED = 'none', 'used'
+WITHOUT_LENS = 'used without distortion, which is refused'
 UNCALIBRATED = 'refused (camera_info holds no calibration: expected focal lengths of 1 px or more)'
 #: How many camera_info are kept for images that are processed later than they come.
 KEPT = 100
@@ -33,10 +34,12 @@ class Calibration:
         self._cameras: dict[int, CameraModel | None] = {}
         self.state = self._told = NONE
         self._images = 0
+        self._lens_problem = ''
 
     def note(self, info: Any) -> None:
         """A message has come; one without a calibration takes the place of the earlier one too."""
         self._camera = self._cameras[stamp_ns(info.header)] = camera_of(info, self._rectified)
+        self._lens_problem = '' if self._rectified else lens_problem(info)
         if len(self._cameras) > KEPT:
             del self._cameras[next(iter(self._cameras))]
         if self._camera is None:
@@ -58,15 +61,17 @@ class Calibration:
             self.state = (f'refused (camera_info is of {camera.width}x{camera.height} px, '
                           f'the images of {width}x{height})')
             return None
-        self.state = USED
+        self.state = f'{WITHOUT_LENS} ({self._lens_problem})' if self._lens_problem else USED
         return camera
 
     def complaint(self) -> str:
-        """Why bearings are unknown, in a sentence, once for each reason; empty where there is nothing new to say."""
+        """Why bearings are unknown or inexact, in a sentence, once for each reason; empty where nothing is new."""
         told, self._told = self._told, self.state
         if self.state == NONE:
             return 'no camera_info: bearings are NaN' if self._images == PATIENCE else ''
-        return '' if self.state in {USED, told} else f'camera_info {self.state}: bearings are NaN'
+        if self.state in {USED, told}:
+            return ''
+        return f'camera_info {self.state}' + ('' if self.state.startswith(WITHOUT_LENS) else ': bearings are NaN')
 
 
 class StageCamera:

@@ -8,8 +8,8 @@ from typing import Any
 
 from motion_detect_ros.core.types import CameraModel
 
-#: Names of the model of wide lenses; all others are polynomials of the radius, with so many coefficients.
-FISHEYE = ('equidistant', 'fisheye')
+#: Names of the model of wide lenses, and of polynomials of the radius (the latter with so many coefficients).
+FISHEYE, POLYNOMIALS = ('equidistant', 'fisheye'), ('plumb_bob', 'rational_polynomial', '')
 COUNTS, PLUMB_BOB = (4, 5, 8, 12, 14), 5
 
 
@@ -28,7 +28,7 @@ def camera_of(info: Any, rectified: bool = False) -> CameraModel | None:
     camera = CameraModel.of(
         int(roi.width or info.width) // across, int(roi.height or info.height) // down, float(fx) / across,
         float(fy) / down, _binned(float(cx) - roi.x_offset, across), _binned(float(cy) - roi.y_offset, down))
-    return camera if camera is None or rectified else replace(camera, **_lens(info.distortion_model, info.d))
+    return camera if camera is None or rectified else replace(camera, **_lens(info))
 
 
 def distortion_model_of(camera: CameraModel) -> str:
@@ -38,13 +38,27 @@ def distortion_model_of(camera: CameraModel) -> str:
     return 'plumb_bob' if len(camera.distortion) <= PLUMB_BOB else 'rational_polynomial'
 
 
-def _lens(model: str, coefficients: Any) -> dict[str, Any]:
+def lens_problem(info: Any) -> str:
+    """Why the distortion of a message is left out; empty where it is used, or there is none."""
+    given = [float(value) for value in info.d]
+    if not any(given):
+        return ''
+    if info.distortion_model not in FISHEYE + POLYNOMIALS:
+        return ('distortion_model: expected plumb_bob, rational_polynomial or equidistant, '
+                f'got {info.distortion_model!r}')
+    most = 4 if info.distortion_model in FISHEYE else COUNTS[-1]
+    if len(given) > most or not all(map(math.isfinite, given)):
+        return (f'D: expected up to {most} finite coefficients, got {len(given)}: '
+                f'{", ".join(f"{value:g}" for value in given)}')
+    return ''
+
+
+def _lens(info: Any) -> dict[str, Any]:
     """``distortion`` and ``fisheye`` of a camera; no distortion where the message tells none that OpenCV knows."""
-    fisheye = model in FISHEYE
-    given = [float(value) for value in coefficients]
-    count = next((each for each in ((4,) if fisheye else COUNTS) if each >= len(given)), 0)
-    if not any(given) or not count or not all(map(math.isfinite, given)):
+    given, fisheye = [float(value) for value in info.d], info.distortion_model in FISHEYE
+    if not any(given) or lens_problem(info):
         return {}
+    count = next(each for each in ((4,) if fisheye else COUNTS) if each >= len(given))
     return {'distortion': (*given, *[0.0] * (count - len(given))), 'fisheye': fisheye}
 
 

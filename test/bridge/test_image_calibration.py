@@ -54,3 +54,33 @@ def test_one_without_a_calibration_is_that_of_its_image_only_while_others_come()
     assert (focal_px(calibration, 4), calibration.state) == (504.0, USED)
     calibration.note(info(5, 0.0))
     assert (focal_px(calibration, 6), calibration.state) == (None, UNCALIBRATED)
+
+
+@pytest.mark.parametrize(('model', 'd', 'problem'), [
+    ('fov', [0.93], "distortion_model: expected plumb_bob, rational_polynomial or equidistant, got 'fov'"),
+    ('double_sphere', [0.6, -0.2],
+     "distortion_model: expected plumb_bob, rational_polynomial or equidistant, got 'double_sphere'"),
+    ('plumb_bob', [0.1, float('nan')], 'D: expected up to 14 finite coefficients, got 2: 0.1, nan'),
+    ('equidistant', [0.1] * 5, 'D: expected up to 4 finite coefficients, got 5: 0.1, 0.1, 0.1, 0.1, 0.1')])
+def test_a_lens_that_is_unknown_is_left_out_and_said(model: str, d: list[float], problem: str):
+    lens = info(1, 500.0)
+    lens.distortion_model, lens.d = model, d
+    calibration = Calibration(rectified=False)
+    calibration.note(lens)
+    camera = calibration.for_image(1, *SIZE)
+    assert camera is not None
+    assert (camera.fx, camera.distortion, camera.fisheye) == (500.0, (), False)
+    assert calibration.state == f'used without distortion, which is refused ({problem})'
+    assert calibration.complaint() == f'camera_info {calibration.state}'
+    assert calibration.complaint() == ''
+
+
+@pytest.mark.parametrize(('model', 'd', 'rectified'), [
+    ('fov', [0.93], True), ('fov', [0.0], False), ('plumb_bob', [0.1] * 5, False), ('', [0.1] * 4, False)])
+def test_a_lens_that_is_known_or_does_not_matter_is_not_mentioned(model: str, d: list[float], rectified: bool):
+    lens = info(1, 500.0)
+    lens.distortion_model, lens.d = model, d
+    calibration = Calibration(rectified)
+    calibration.note(lens)
+    calibration.for_image(1, *SIZE)
+    assert (calibration.state, calibration.complaint()) == (USED, '')
