@@ -134,7 +134,7 @@ class CameraNode(SourceNode):
             self.get_logger().warning(f'{self._jpegs.publisher.topic_name}: {error}', once=True)
 
     def _info(self, width: int, height: int, header: Any) -> Any:
-        info, complaint = info_of_image(self._calibration or self._capture.camera, width, height, header)
+        info, complaint = info_of_image(self._calibration or self._capture.calibration, width, height, header)
         if complaint:
             self.get_logger().warning(complaint, once=True)
         return info

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from motion_detect_ros.core.errors import MessageError, MotionDetectError, SourceError
-from motion_detect_ros.core.types import ByteArray, CameraModel
+from motion_detect_ros.core.types import ByteArray
 from motion_detect_ros.sources import messages
 from motion_detect_ros.sources.bag_reader import BagReader
 from motion_detect_ros.sources.camera_info import camera_of
@@ -37,7 +38,8 @@ class BagFrames:
         self.name = self.path.resolve().stem
         self.topic = _choose_topic(self.path, self._reader.topics, topic)
         self.camera_topic = self._choose_camera_topic()
-        self.camera = self._read_camera()
+        self.camera_info = self._read_camera_info()
+        self.camera = camera_of(self.camera_info) if self.camera_info is not None else None
         self.bad_frames = 0
         self._window = window
 
@@ -92,11 +94,11 @@ class BagFrames:
         named = [name for name in infos if '/' + name.lstrip('/') == '/' + beside.lstrip('/')] or infos
         return named[0] if len(named) == 1 else None
 
-    def _read_camera(self) -> CameraModel | None:
-        """From the first readable message of ``camera_topic``."""
+    def _read_camera_info(self) -> Any:
+        """The first readable message of ``camera_topic``, None where there is none."""
         for message in _messages(self._reader, self.camera_topic, messages.CAMERA_INFO):
             try:
-                return camera_of(messages.deserialize(message.data, messages.CAMERA_INFO))
+                return messages.deserialize(message.data, messages.CAMERA_INFO)
             except MessageError:
                 continue
         return None

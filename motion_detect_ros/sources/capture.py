@@ -13,13 +13,14 @@ from contextlib import closing
 from dataclasses import dataclass
 from time import monotonic
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.stamp_order import StampOrder, Verdict
 from motion_detect_ros.core.types import NANOSECONDS, CameraModel
 from motion_detect_ros.sources.address import is_address, path_of
+from motion_detect_ros.sources.bags import BagFrames
 from motion_detect_ros.sources.frames import FrameSource, SourceFrame
 from motion_detect_ros.sources.live import LONGEST_CALL_S, LiveFrames
 from motion_detect_ros.sources.opening import open_source
@@ -133,9 +134,13 @@ class Capture:
             return None
 
     @property
-    def camera(self) -> CameraModel | None:
-        """The calibration the source brings along (bag, KITTI drive), None for cameras and streams."""
-        return self._frames.camera
+    def calibration(self) -> CameraModel | Any:
+        """What the source brings along: a bag's sensor_msgs/CameraInfo as rosbags reads it, a KITTI drive's camera.
+
+        None where it brings nothing, as cameras and streams.
+        """
+        frames = self._frames
+        return frames.camera_info if isinstance(frames, BagFrames) else frames.camera
 
     @property
     def ended(self) -> bool:

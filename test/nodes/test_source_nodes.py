@@ -22,6 +22,7 @@ from motion_detect_ros.bridge.records import detections_to_msg
 from motion_detect_ros.core.types import NANOSECONDS, CameraModel, empty_detections
 from motion_detect_ros.sources import messages
 from motion_detect_ros.sources.bags import BagWriter
+from motion_detect_ros.sources.camera_info import camera_of
 
 PERIOD_NS = 50_000_000
 #: For messages that must not come: as long as a player stays after its last one, seconds.
@@ -115,6 +116,32 @@ def test_camera_plays_the_topic_of_a_bag_that_is_asked_for(peer, start, bag):
     np.testing.assert_array_equal(image_from_msg(images[3]), picture(3))
     assert peer.until(lambda: len(infos) == 8)
     assert infos[0].k[0] == 300.0
+
+
+def test_camera_publishes_the_camera_info_of_a_bag_as_it_was_recorded(peer, start, tmp_path):
+    """Of a rectified topic: stages take its matrix P with rectified:=true."""
+    path = tmp_path / 'rectified.mcap'
+    given = {'k': [438.1, 0.0, 163.5, 0.0, 439.2, 118.2, 0.0, 0.0, 1.0],
+             'r': [0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0],
+             'p': [400.0, 0.0, 162.0, -48.0, 0.0, 420.0, 119.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+             'd': [-0.3, 0.1, 0.001, 0.0, 0.0]}
+    roi = messages.make('sensor_msgs/msg/RegionOfInterest', x_offset=8, y_offset=4, width=640, height=480)
+    with BagWriter(path) as writer:
+        for index, stamp in enumerate(STAMPS):
+            writer.write('/camera_info', messages.make(
+                messages.CAMERA_INFO, header=messages.header(stamp, 'eye'), width=1280, height=960, binning_x=2,
+                binning_y=2, roi=roi, distortion_model='rational_polynomial',
+                **{name: np.array(values) for name, values in given.items()}), stamp)
+            writer.write_image(picture(index), stamp)
+    images, infos = peer.subscribe(Image, 'image_raw'), peer.subscribe(CameraInfo, 'camera_info')
+    film(peer, start, path, images, 8, '-p', 'frame_id:=nose')
+    assert peer.until(lambda: len(infos) == 8)
+    info = infos[3]
+    assert (info.header, info.header.frame_id) == (images[3].header, 'nose')
+    assert {name: list(getattr(info, name)) for name in given} == given
+    assert (info.width, info.height, info.binning_x, info.binning_y) == (1280, 960, 2, 2)
+    assert (info.roi.x_offset, info.roi.width, info.distortion_model) == (8, 640, 'rational_polynomial')
+    assert camera_of(info, rectified=True).fx == 200.0
 
 
 def test_camera_asks_which_topic_of_a_bag_it_shall_play(start, bag, tmp_path):
