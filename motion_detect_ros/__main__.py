@@ -49,6 +49,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command, return its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     signal.signal(signal.SIGTERM, _terminate)
+    if signal.getsignal(signal.SIGHUP) == signal.SIG_DFL:  # not under nohup
+        signal.signal(signal.SIGHUP, _terminate)
     tune_malloc()
     # Imported here: evaluate and inspect must not wait for numba to load.
     from motion_detect_ros.core.errors import MotionDetectError
@@ -81,8 +83,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
-    """SIGTERM ends a command as Ctrl-C does, so that its outputs are closed properly; a second one changes nothing."""
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    """SIGTERM and the end of a terminal end a command as Ctrl-C does, so that its outputs are closed properly; a second
+    one changes nothing.
+    """
+    for each in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(each, signal.SIG_IGN)
     raise KeyboardInterrupt
 
 

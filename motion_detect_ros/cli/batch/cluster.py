@@ -26,10 +26,14 @@ from motion_detect_ros.cli.progress import Board
 from motion_detect_ros.core.errors import BackendError, SourceError
 from motion_detect_ros.core.threads import use
 from motion_detect_ros.results.files import write_whole
+from motion_detect_ros.results.ownership import LOCK_NAME, is_owned, owned
 
 CONNECT_S = 20.0
 #: How often a job says how far it is and looks whether it is still wanted, s.
 LOOK_S = 1.0
+#: How long a job waits for a folder that another process writes: longer than a file server keeps the locks of a machine
+#: that has gone (NFS 4: 90 s).
+FREE_S = 120.0
 TOPIC = 'motion_detect_ros.replay'
 
 
@@ -71,10 +75,12 @@ def versions() -> dict[str, str]:
 def work(job: Job, lease: str, expected: dict[str, str]) -> Outcome:
     """On a worker: one job, as long as the folder ``lease`` is there, with the threads of the worker.
 
-    What is finished is not done again: the scheduler asks for it where the worker died that has the answer.
+    What is finished is not done again: the scheduler asks for it where the worker died that has the answer. One that it
+    believes dead may still be at work, and is waited for.
     """
     from distributed import get_worker
     worker, finished = get_worker(), Path(lease) / job.name
+    _await_free(job.folder, lease)
     if finished.is_file():
         return Outcome(**json.loads(finished.read_text(encoding='utf-8')))
     trouble = _trouble(lease, expected)
@@ -98,6 +104,13 @@ def work(job: Job, lease: str, expected: dict[str, str]) -> Outcome:
     with suppress(FileNotFoundError):  # nobody wants it any more
         write_whole(finished, json.dumps(asdict(outcome)))
     return outcome
+
+
+def _await_free(folder: Path, lease: str) -> None:
+    """Until nobody else writes the folder, nobody wants the result any more, or it takes too long."""
+    end_s = time.monotonic() + FREE_S
+    while is_owned(folder) and Path(lease).exists() and time.monotonic() < end_s:
+        time.sleep(LOOK_S)
 
 
 def probe(lease: str, expected: dict[str, str]) -> str:
@@ -159,17 +172,27 @@ def _outcome(job: Job, future: Any) -> Outcome:
 def _lease(output: Path) -> Iterator[Path]:
     """A folder in the output folder: workers see by it that that one is shared, and go on only as long as it is there.
 
-    It takes what finished jobs answered. Raises: SourceError where it cannot be written.
+    It takes what finished jobs answered. Those of killed clients of this machine are taken away, so that their workers
+    stop. Raises: SourceError where it cannot be written.
     """
-    lease = output / f'.replay-{uuid.uuid4().hex}'
+    ours = f'.replay-{platform.node()}-'
+    lease = output / f'{ours}{uuid.uuid4().hex}'
     try:
         output.mkdir(parents=True, exist_ok=True)
+        for other in output.glob(f'{ours}*'):
+            if (other / LOCK_NAME).exists() and not is_owned(other):
+                _remove(other)
         lease.mkdir()
     except OSError as error:
         raise SourceError(f'{output}: cannot be made a folder for the outputs: {error.strerror}') from None
-    try:
-        yield lease
-    finally:
-        with suppress(OSError):  # under its name a worker that writes into it now could keep it alive
-            lease = lease.rename(lease.with_name(f'{lease.name}.gone'))
-        shutil.rmtree(lease, ignore_errors=True)
+    with owned(lease):
+        try:
+            yield lease
+        finally:
+            _remove(lease)
+
+
+def _remove(lease: Path) -> None:
+    with suppress(OSError):  # under its name a worker that writes into it now could keep it alive
+        lease = lease.rename(lease.with_name(f'{lease.name}.gone'))
+    shutil.rmtree(lease, ignore_errors=True)

@@ -38,6 +38,7 @@ from motion_detect_ros.core.types import ByteArray, Result
 from motion_detect_ros.report.make import report_after_replay
 from motion_detect_ros.results.formats import output_names, remove_others
 from motion_detect_ros.results.outputs import ReplayOutputs
+from motion_detect_ros.results.ownership import BusyError, owned
 from motion_detect_ros.results.summary import Percentiles, Summary, write_summary
 from motion_detect_ros.results.tally import Tally
 from motion_detect_ros.sources.ahead import Ahead
@@ -83,9 +84,9 @@ def outcome_of(job: Job, summary: Summary) -> Outcome:
 def replay(job: Job, watch: Watch = lambda done, total: None) -> Summary:
     """Run one input through a fresh pipeline and write its outputs.
 
-    Raises: SourceError for an input that cannot be read or a folder that cannot be written; UnfinishedError where that
-    comes to be after the first frame; what ``watch`` raises. Whatever ends the run, outputs and summary hold what was
-    done.
+    Raises: SourceError for an input that cannot be read or a folder that cannot be written, BusyError where another
+    process writes it; UnfinishedError where that comes to be after the first frame; what ``watch`` raises. Whatever
+    ends the run, outputs and summary hold what was done.
     """
     input_bytes = size_of(job.path)  # before it is read: what grows meanwhile is another input next time
     source = open_source(job.path, job.fps, job.topic, job.window)
@@ -97,20 +98,24 @@ def replay(job: Job, watch: Watch = lambda done, total: None) -> Summary:
     def summary_now(complete: bool) -> Summary:
         return _summarize(job, input_bytes, source, tally, complete)
 
-    try:
-        _begin(job, summary_now(complete=False))
-        with ReplayOutputs(job.folder, str(job.path), job.formats) as outputs:
-            _process(job, source, pipeline, gyro, outputs, tally, watch)
-        summary = summary_now(complete=True)
-        write_summary(job.folder, summary)
-    except BaseException as error:
-        with suppress(OSError):
-            write_summary(job.folder, summary_now(complete=False))
-        if isinstance(error, OSError):
-            error = SourceError(f'{job.folder}: cannot be written: {error.strerror or error}')
-        if isinstance(error, SourceError) and tally.frames:
-            raise UnfinishedError(f'{error}; {tally.frames} frames are kept in the .part files') from None
-        raise error from None
+    _make_folder(job.folder)
+    with owned(job.folder) as owner:
+        try:
+            _begin(job, summary_now(complete=False))
+            with ReplayOutputs(job.folder, str(job.path), job.formats) as outputs:
+                _process(job, source, pipeline, gyro, outputs, tally, watch)
+                owner.check()
+            summary = summary_now(complete=True)
+            write_summary(job.folder, summary)
+        except BaseException as error:
+            if owner.holds():
+                with suppress(OSError):
+                    write_summary(job.folder, summary_now(complete=False))
+            if isinstance(error, OSError):
+                error = SourceError(f'{job.folder}: cannot be written: {error.strerror or error}')
+            if isinstance(error, SourceError) and tally.frames and not isinstance(error, BusyError):
+                error = UnfinishedError(f'{error}; {tally.frames} frames are kept in the .part files')
+            raise error from None
     return summary
 
 
@@ -215,11 +220,7 @@ def _timed(source: FrameSource, path: str, tally: Tally) -> Iterator[TimedFrame]
 
 
 def _begin(job: Job, summary: Summary) -> None:
-    """Make the folder, empty it of earlier results, and leave a summary that says for what they were begun.
-
-    Raises: SourceError, OSError.
-    """
-    _make_folder(job.folder)
+    """Empty the folder of earlier results, and leave a summary that says for what they were begun. Raises: OSError."""
     names = output_names(job.formats)
     remove_others(job.folder, names)
     for name in names:

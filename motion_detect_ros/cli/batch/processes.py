@@ -123,8 +123,9 @@ def _reason(exit_code: int) -> str:
 
 
 def serve(connection: Connection, workers: int) -> None:
-    """The life of a process: jobs from the connection until it closes. Interrupts of the terminal are its parent's."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """The life of a process: jobs from the connection until it closes. What the terminal says is its parent's."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _interrupt)
     share_cores(workers)
     try:

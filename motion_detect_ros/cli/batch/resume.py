@@ -16,6 +16,7 @@ from motion_detect_ros.core.settings import settings
 from motion_detect_ros.report.make import report_after_replay
 from motion_detect_ros.results.files import REPORT_NAME, SUMMARY_NAME
 from motion_detect_ros.results.formats import output_names
+from motion_detect_ros.results.ownership import is_owned
 from motion_detect_ros.results.summary import WINDOW_FIELDS, Summary, read_summary
 from motion_detect_ros.sources.part_file import part_of
 
@@ -44,7 +45,7 @@ def sort_out(jobs: Sequence[Job], force: bool) -> tuple[dict[Job, Outcome], list
         found = look(job)
         if found is Found.FINISHED:
             finished[job] = _as_earlier(outcome_of(job, read_summary(job.folder)))
-        elif found in _WHY_ANEW:
+        elif found in _WHY_ANEW and not is_owned(job.folder):
             lines.append(f'{job.folder}: {_WHY_ANEW[found]}, done anew')
     return {job: _with_report(job, outcome) for job, outcome in finished.items()}, lines
 

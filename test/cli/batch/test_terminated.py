@@ -1,12 +1,17 @@
-"""A second SIGTERM while files are being closed changes nothing."""
+"""Signals that end a run: files are closed, and a second SIGTERM meanwhile changes nothing."""
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
-from batch_flights import PATIENCE_S
+from batch_flights import PATIENCE_S, write_flight
+
+from motion_detect_ros.sources.bags import BagReader
 
 #: The handler of a process, and a closing of files in whose middle the signal comes again.
 _TWICE = """
@@ -26,3 +31,20 @@ def test_a_second_signal_does_not_end_the_closing_of_files(module: str, handler:
     done = subprocess.run([sys.executable, '-c', _TWICE.format(module=module, handler=handler)], capture_output=True,
                           text=True, timeout=PATIENCE_S, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, 'closed\n', '')
+
+
+def test_a_terminal_that_is_closed_closes_the_files(tmp_path: Path):
+    bag, out = write_flight(tmp_path / 'a.mcap', frames=300), tmp_path / 'out'
+    command = [sys.executable, '-m', 'motion_detect_ros', 'replay', '--no-report', str(bag), '-o', str(out)]
+    running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    part, deadline = out / 'frames.csv.part', time.monotonic() + PATIENCE_S
+    while not part.exists() or part.stat().st_size < 500:
+        assert time.monotonic() < deadline and running.poll() is None
+        time.sleep(0.01)
+    running.send_signal(signal.SIGHUP)
+    _, stderr = running.communicate(timeout=PATIENCE_S)
+    assert (running.returncode, stderr) == (
+        3, 'interrupted; what was written so far is kept in the .part files\n')
+    with BagReader(out / 'detections.mcap.part') as reader:
+        assert len([*reader.messages(['/detections'])]) > 0
+        assert reader.damaged is None
