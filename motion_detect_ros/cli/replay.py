@@ -24,6 +24,7 @@ from motion_detect_ros.core.errors import BackendError, SourceError
 from motion_detect_ros.presets import load_preset
 from motion_detect_ros.report.make import can_report
 from motion_detect_ros.results.files import OUTPUT_NAMES
+from motion_detect_ros.results.formats import output_files
 from motion_detect_ros.sources.frames import DEFAULT_FPS
 from motion_detect_ros.sources.opening import check_rate
 
@@ -83,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
 def make_jobs(arguments: argparse.Namespace, config: PipelineConfig) -> list[Job]:
     """A job for each input; inputs of the same name get a number behind it.
 
-    Raises: SourceError as ``Window``, and where outputs would go into an input.
+    Raises: SourceError as ``Window``, and where outputs would go into or over an input.
     """
     formats, inputs = formats_of(arguments), expand_inputs(arguments.inputs, arguments.output)
     folders = folders_of(inputs.paths, arguments.output.absolute(), inputs.several)
@@ -94,6 +95,10 @@ def make_jobs(arguments: argparse.Namespace, config: PipelineConfig) -> list[Job
         if job.folder.resolve() == Path(job.path).resolve():
             raise SourceError(f'{job.folder}: expected another folder for the outputs than the input itself; '
                               'choose another --output')
+    outputs = {file.resolve() for job in jobs for file in output_files(job.folder)}
+    for path in inputs.paths:
+        if Path(path).resolve() in outputs:
+            raise SourceError(f'{path}: expected an input that no output replaces; choose another --output')
     _ = jobs[0].window  # says at once what is wrong with it
     return jobs
 

@@ -69,6 +69,12 @@ def output_names(formats: Sequence[str]) -> tuple[str, ...]:
     return *(FORMATS[name].name for name in formats), SUMMARY_NAME, FRAMES_NAME, TIMES_NAME
 
 
+def output_files(folder: Path) -> tuple[Path, ...]:
+    """Every file that a replay may write, rename or remove in its folder."""
+    files = [folder / name for name in (*output_names([*FORMATS]), REPORT_NAME)]
+    return *files, *map(part_of, files)
+
+
 def remove_others(folder: Path, names: Sequence[str]) -> None:
     """Remove what an earlier replay left besides ``names``: its outputs, by its summary, and the report of them.
 

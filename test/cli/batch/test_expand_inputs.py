@@ -157,6 +157,22 @@ def test_an_output_folder_that_is_the_input_is_refused(tmp_path: Path, capsys: p
             'choose another --output\n')
 
 
+@pytest.mark.parametrize('name', ['detections.mcap', 'detections.mcap.part'])
+@pytest.mark.parametrize('options', [[], ['--force'], ['--formats', 'csv']])
+def test_an_input_that_an_output_would_overwrite_is_refused(
+    name: str, options: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+):
+    touch(tmp_path, f'out/{name}', f'out/a/{name}', 'a.mcap')
+    (tmp_path / 'link.mcap').symlink_to(tmp_path / 'out' / name)
+    for inputs, refused in ((['out/' + name], 'out/' + name), (['link.mcap'], 'link.mcap'),
+                            (['a.mcap', 'out/a/' + name], 'out/a/' + name)):
+        words = [*(str(tmp_path / word) for word in inputs), '-o', str(tmp_path / 'out'), *options]
+        assert main(['replay', *words]) == 2
+        assert capsys.readouterr().err == (
+            f'error: {tmp_path}/{refused}: expected an input that no output replaces; choose another --output\n')
+    assert (tmp_path / 'out' / name).exists() and (tmp_path / 'out' / 'a' / name).exists()
+
+
 def test_links_that_lead_back_are_followed_once(tree: Path):
     expected = expanded(tree, 'flights')
     for name in ('day/up', 'day/again', 'zz/one', 'zz/two'):
