@@ -13,6 +13,7 @@ from time import perf_counter
 
 import numpy as np
 
+from motion_detect_ros.cli.demo_files import RECORD_NAME, begin, note
 from motion_detect_ros.cli.demo_pictures import write_pictures
 from motion_detect_ros.cli.demo_table import Run, table
 from motion_detect_ros.cli.progress import track
@@ -30,6 +31,7 @@ OK, NOTHING, PARTIAL = 0, 1, 3
 FLIGHT_BAG, TRUTH_CSV = 'flight.mcap', 'flight.truth.csv'
 DETECTIONS_BAG, DETECTIONS_CSV = 'detections.mcap', 'detections.csv'
 VIDEO, SHEET = 'demo.mp4', 'contact_sheet.png'
+NAMES = FLIGHT_BAG, TRUTH_CSV, DETECTIONS_BAG, DETECTIONS_CSV, VIDEO, SHEET
 
 #: A shorter flight has nothing to count: the first ten frames are left out.
 MIN_FRAMES = 20
@@ -52,7 +54,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Raises: MotionDetectError for wrong use, a folder that cannot be written, nodes that do not start."""
+    """Raises: MotionDetectError for wrong use, a folder that cannot be written or holds files of others by the names of
+    the demo's, nodes that do not start.
+    """
     if arguments.frames < MIN_FRAMES:
         raise SourceError(f'--frames: expected {MIN_FRAMES} or more, got {arguments.frames}')
     if arguments.rate is not None and not arguments.rate > 0:
@@ -60,16 +64,20 @@ def run(arguments: argparse.Namespace) -> int:
     _check_needs(arguments.preset, arguments.offline)
     config = FlightConfig(frames=arguments.frames, seed=arguments.seed)
     folder: Path = arguments.output
+    begin(folder, NAMES)
     truth = record_flight(config, folder)
+    note(folder, NAMES)
     bag = folder / FLIGHT_BAG
     answers = offline = run_in_process(bag, arguments.preset)
     rate = arguments.rate or min(1.0, LOAD_SHARE * real_time_factor(offline, config.fps))
     if not arguments.offline:
         answers = run_live(bag, offline.stamps_ns, arguments.preset, rate)
     write_detections(folder, answers)
+    note(folder, NAMES)
     write_pictures(bag, truth, answers, config.fps, folder / VIDEO, folder / SHEET)
+    note(folder, NAMES)
     _print_report(config, truth, answers, None if arguments.offline else offline, rate)
-    for name in (FLIGHT_BAG, TRUTH_CSV, DETECTIONS_BAG, DETECTIONS_CSV, VIDEO, SHEET):
+    for name in (*NAMES, RECORD_NAME):
         print(folder / name)
     return exit_code(answers)
 

@@ -108,7 +108,7 @@ def demo(*words: str | Path) -> subprocess.CompletedProcess[str]:
     (('--rate', '0'), 'error: --rate: expected a number over 0, got 0'),
     (('--preset', 'moon', '--offline'),
      'error: moon: expected a preset (default, kitti, report, visdrone) or a YAML file'),
-    (('-o', '/proc/demo'), 'error: /proc/demo/flight.mcap.part: cannot be written: No such file or directory'),
+    (('-o', '/proc/demo'), 'error: /proc/demo: cannot be made a folder for the outputs: No such file or directory'),
 ])
 def test_wrong_use_is_one_line(words: tuple[str, ...], message: str, tmp_path: Path) -> None:
     output = () if '-o' in words else ('-o', tmp_path)
@@ -145,6 +145,29 @@ def test_offline(tmp_path: Path) -> None:
         [sys.executable, '-m', 'motion_detect_ros', 'evaluate', tmp_path / 'detections.csv',
          '--truth', tmp_path / 'flight.truth.csv'], capture_output=True, text=True, timeout=600, check=False)
     assert evaluated.returncode == 0, evaluated.stderr
+
+
+@pytest.mark.parametrize('name', ['flight.mcap', 'flight.mcap.part', 'detections.csv', 'demo.mp4', 'demo.json'])
+def test_files_of_others_are_not_replaced(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(b'mine')
+    done = demo('--offline', '--frames', str(FRAMES), '-o', tmp_path)
+    assert (done.returncode, done.stderr) == (
+        2, f'error: {tmp_path}/{name}: exists and is not of an earlier demo; choose another --output\n')
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {name: b'mine'}
+
+
+def test_its_own_files_are_replaced(tmp_path: Path) -> None:
+    words = ('--offline', '--frames', str(FRAMES), '-o', tmp_path)
+    assert demo(*words).returncode == 0
+    (tmp_path / 'flight.mcap.part').write_bytes(b'of a demo that was killed')
+    again = demo(*words)
+    assert (again.returncode, again.stderr) == (0, ''), again.stderr
+    check_files(tmp_path)
+    (tmp_path / 'flight.mcap').write_bytes(b'mine')
+    other = demo(*words)
+    assert (other.returncode, other.stderr.count('\n')) == (2, 1)
+    assert 'flight.mcap: exists and is not of an earlier demo' in other.stderr
+    assert (tmp_path / 'flight.mcap').read_bytes() == b'mine'
 
 
 def test_live_over_dds(tmp_path: Path) -> None:
