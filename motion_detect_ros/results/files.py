@@ -40,6 +40,7 @@ class TextFile(PartFile):
                 data = data[self._stream.write(data):]
         except OSError:
             self._stream.truncate(start)
+            self._stream.seek(start)
             raise
 
     def finish_part(self) -> None:
@@ -48,7 +49,11 @@ class TextFile(PartFile):
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a small file, whole or not at all."""
+    """Write a small file, whole or not at all. Raises: OSError."""
     part = part_of(path)
-    part.write_text(text, encoding='utf-8')
-    part.replace(path)
+    try:
+        part.write_text(text, encoding='utf-8')
+        part.replace(path)
+    except OSError:
+        part.unlink(missing_ok=True)
+        raise

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from motion_detect_ros.results.files import TextFile
+from motion_detect_ros.results.files import TextFile, write_whole
 
 
 @contextmanager
@@ -29,3 +29,19 @@ def test_a_line_that_finds_no_room_is_taken_back(tmp_path: Path):
             file.add(f'row {number},')
     assert (tmp_path / 'a.csv.part').read_text() == 'head\nrow 0,\nrow 1,\n'
     assert not (tmp_path / 'a.csv').exists()
+
+
+def test_a_line_after_one_that_found_no_room_is_where_that_began(tmp_path: Path):
+    """As the end of coco.json, once there is room again."""
+    with TextFile(tmp_path / 'a.csv', 'head') as file:
+        with largest_file(8), pytest.raises(OSError, match='too large'):
+            file.add('row 0,')
+        file.add('row 1,')
+    assert (tmp_path / 'a.csv').read_bytes() == b'head\nrow 1,\n'
+
+
+def test_a_small_file_that_finds_no_room_is_not_there(tmp_path: Path):
+    write_whole(tmp_path / 'summary.json', 'earlier')
+    with pytest.raises(OSError, match='too large'), largest_file(8):
+        write_whole(tmp_path / 'summary.json', 'something longer')
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {'summary.json': 'earlier'}
