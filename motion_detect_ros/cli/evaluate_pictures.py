@@ -11,8 +11,8 @@ from motion_detect_ros.cli.contact_sheet import Tile, contact_sheet
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.results.error_pictures import caption, draw_verdict, worst_frames
 from motion_detect_ros.results.evaluation import ClipEvaluation
+from motion_detect_ros.results.live_summary import LiveSummary, read_any_summary
 from motion_detect_ros.results.metrics import NO_BOXES
-from motion_detect_ros.results.summary import read_summary
 from motion_detect_ros.sources.opening import open_source
 
 #: Bad frames come in runs; those chosen are at least this share of the counted ones apart.
@@ -30,12 +30,13 @@ def write_worst(clip: ClipEvaluation, counting: str, iou: float, wanted: int, fo
     chosen = worst_frames({frame: verdict.errors for frame, verdict in verdicts.items()}, wanted, apart)
     if not chosen:
         return
-    summary = read_summary(file.parent)
+    summary = read_any_summary(file.parent)
+    fps = None if isinstance(summary, LiveSummary) else summary.fps
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise SourceError(f'{folder}: cannot be made a folder for the pictures: {error.strerror}') from None
-    for frame in open_source(summary.input, summary.fps, summary.topic):
+    for frame in open_source(summary.input, fps, summary.topic):
         if frame.index in chosen:
             verdict = verdicts[frame.index]
             picture = draw_verdict(frame.image, clip.found[run].boxes.get(frame.index, NO_BOXES), verdict)

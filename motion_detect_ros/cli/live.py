@@ -24,7 +24,7 @@ from motion_detect_ros.bridge.transport import environment
 from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.cli.planner import Planner, Received
 from motion_detect_ros.core.errors import MessageError, SourceError
-from motion_detect_ros.presets import find_config
+from motion_detect_ros.presets import preset_path
 from motion_detect_ros.sources.bags import BagReader
 from motion_detect_ros.sources.timeline import timeline
 
@@ -63,7 +63,7 @@ class LiveGraph:
         parameters: tuple[str, ...] = (), compressed: bool = False,
     ) -> None:
         transport = 'compressed' if compressed else 'raw'
-        self._params = ['--params-file', str(_params_file(preset)), '-p', f'image_transport:={transport}']
+        self._params = ['--params-file', str(preset_path(preset)), '-p', f'image_transport:={transport}']
         self._further = [word for parameter in parameters for word in ('-p', parameter)]
         self._params += ['-p', 'first_id:=1', *self._further]  # as offline
         self._nodes = nodes
@@ -192,10 +192,6 @@ def _clock_of_images(bag: Path, played: Mapping[str, str], image_topic: str) -> 
                 with contextlib.suppress(MessageError):
                     clock_of.setdefault(header_stamp_ns(timed.message.data), timed.clock_ns)
     return clock_of
-
-
-def _params_file(preset: str) -> Path:
-    return Path(preset) if preset.endswith(('.yaml', '.yml')) else find_config(f'{preset}.yaml')
 
 
 def _end(process: subprocess.Popen[bytes]) -> int:

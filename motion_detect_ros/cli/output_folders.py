@@ -8,7 +8,7 @@ from itertools import count
 from pathlib import Path
 
 from motion_detect_ros.core.errors import SourceError
-from motion_detect_ros.results.summary import read_summary
+from motion_detect_ros.results.live_summary import read_any_summary
 from motion_detect_ros.sources.part_file import part_of
 
 #: Name of an input whose own name holds nothing to make one from.
@@ -51,7 +51,7 @@ def _numbered(output: Path, path: str) -> Iterator[Path]:
 def _holds(folder: Path, path: str) -> bool:
     """Whether the results in a folder are of an input."""
     try:
-        return Path(read_summary(folder).input).resolve() == Path(path).resolve()
+        return Path(read_any_summary(folder).input).resolve() == Path(path).resolve()
     except SourceError:
         return False
 

@@ -6,24 +6,24 @@ With one input the outputs are in OUT_DIR itself, with several in OUT_DIR/<name 
 from __future__ import annotations
 
 import argparse
+import importlib
 import math
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from motion_detect_ros.cli.batch.inputs import expand_inputs
-from motion_detect_ros.cli.batch.jobs import OK, PARTIAL, Ended, Job, Outcome
+from motion_detect_ros.cli.batch.jobs import Ended, Job, Outcome
 from motion_detect_ros.cli.batch.listing import conclusion, exit_code, write_list
 from motion_detect_ros.cli.batch.one_input import run_job
 from motion_detect_ros.cli.batch.resume import sort_out
 from motion_detect_ros.cli.format_options import add_format_arguments, formats_of
-from motion_detect_ros.cli.output_folders import folders_of, refuse_existing
+from motion_detect_ros.cli.output_folders import folders_of
 from motion_detect_ros.cli.progress import Board
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import BackendError, SourceError
 from motion_detect_ros.presets import load_preset
 from motion_detect_ros.report.make import can_report
-from motion_detect_ros.results.files import OUTPUT_NAMES
 from motion_detect_ros.results.formats import output_files
 from motion_detect_ros.sources.frames import DEFAULT_FPS
 from motion_detect_ros.sources.opening import check_rate
@@ -56,8 +56,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Replay all inputs; the exit code is that of ``__main__`` that all ended with, 3 where they differ.
 
     Raises: SourceError for options that contradict each other, folders with results of something else, a cluster that
-    cannot be used, and with ``--live`` for an input that is no bag; ConfigError for an unknown preset or a wrong value;
-    BackendError where ``--live`` finds no ROS 2 or ``--scheduler`` no Dask.
+    cannot be used; ConfigError for an unknown preset or a wrong value; BackendError where ``--live`` finds no ROS 2 or
+    ``--scheduler`` no Dask.
     """
     if not math.isfinite(arguments.rate) or arguments.rate <= 0:
         raise SourceError(f'--rate: expected a number over 0, got {arguments.rate:g}')
@@ -68,12 +68,11 @@ def run(arguments: argparse.Namespace) -> int:
     check_rate('--fps', arguments.fps)
     if arguments.live:
         _check_live(arguments)
-        return _run_live(arguments)
     config = load_preset(arguments.config or arguments.preset)
     jobs = make_jobs(arguments, config)
-    if not arguments.no_report and can_report():
+    if not arguments.live and not arguments.no_report and can_report():
         jobs = [replace(job, report=True) for job in jobs]
-    finished, lines = sort_out(jobs, arguments.force)
+    finished, lines = sort_out(jobs, arguments.force, arguments.live)
     outcomes = _run(arguments, jobs, finished, lines)
     if jobs[0].folder != arguments.output.absolute():
         print('\n'.join(conclusion(outcomes)))
@@ -124,10 +123,14 @@ def _run(
 
 
 def _do(jobs: list[Job], arguments: argparse.Namespace, board: Board, ended: Ended) -> None:
-    """Here, in processes, or on a cluster."""
+    """Here, in processes, on a cluster, or through the nodes."""
     if not jobs:
         return
-    if arguments.scheduler:
+    if arguments.live:
+        from motion_detect_ros.cli.live_replay import run_live_job
+        for job in jobs:
+            ended(job, run_live_job(job, arguments.config or arguments.preset, arguments.rate))
+    elif arguments.scheduler:
         from motion_detect_ros.cli.batch.cluster import run_on_cluster
         run_on_cluster(jobs, arguments.scheduler, arguments.output.absolute(), board, ended)
     elif arguments.workers > 1 and len(jobs) > 1:
@@ -139,7 +142,7 @@ def _do(jobs: list[Job], arguments: argparse.Namespace, board: Board, ended: End
 
 
 def _check_live(arguments: argparse.Namespace) -> None:
-    """Raises: SourceError for an option that says nothing to nodes."""
+    """Raises: SourceError for an option that says nothing to nodes; BackendError without ROS 2."""
     if arguments.workers > 1:
         raise SourceError(
             f'--live: expected no --workers, as one graph plays one bag at a time, got {arguments.workers}')
@@ -148,20 +151,7 @@ def _check_live(arguments: argparse.Namespace) -> None:
     for name in ('scheduler', 'start', 'duration', 'every'):
         if getattr(arguments, name) is not None:
             raise SourceError(f'--live: expected no --{name}, got {getattr(arguments, name)}')
-
-
-def _run_live(arguments: argparse.Namespace) -> int:
-    """The inputs one after the other through the nodes; raises what they raise."""
     try:
-        from motion_detect_ros.cli.live_replay import replay_live
+        importlib.import_module('motion_detect_ros.cli.live_replay')
     except ModuleNotFoundError as error:
         raise BackendError(f'--live: expected an installation of ROS 2, but {error.name} is missing') from None
-    jobs = make_jobs(arguments, PipelineConfig())
-    refuse_existing((job.folder / name for job in jobs for name in OUTPUT_NAMES), arguments.force)
-    unanswered = 0
-    for job in jobs:
-        missing, line = replay_live(
-            Path(job.path), job.folder, arguments.config or arguments.preset, arguments.rate, job.topic)
-        unanswered += missing
-        print(line)
-    return PARTIAL if unanswered else OK

@@ -7,8 +7,10 @@ from pathlib import Path
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.results.files import CSV_NAME
-from motion_detect_ros.results.summary import Summary, read_summary
+from motion_detect_ros.results.live_summary import LiveSummary, read_any_summary
+from motion_detect_ros.results.summary import Summary
 
+AnySummary = Summary | LiveSummary
 #: Where the truth of a clip may be in a folder of truth; the third as MOT Challenge lays it out.
 TRUTH_PATTERNS = ('{name}.csv', '{name}.txt', '{name}/gt/gt.txt', '{name}/gt.txt')
 
@@ -98,12 +100,12 @@ def _by_name(clips: Mapping[str, Path], folder: Path) -> dict[str, Path]:
         _of_one_input(summaries[other], summaries[name]) for other, same in near.items() if same == truth))}
 
 
-def _stem(summary: Summary | None) -> str:
+def _stem(summary: AnySummary | None) -> str:
     """The name of what was replayed, without its suffix; empty where no summary says so."""
     return Path(summary.input).stem if summary else ''
 
 
-def _of_one_input(one: Summary | None, other: Summary | None) -> bool:
+def _of_one_input(one: AnySummary | None, other: AnySummary | None) -> bool:
     """Whether both were made of the same input: of its size, as it may have been moved, else of its path."""
     if one is None or other is None:
         return one is other
@@ -112,12 +114,12 @@ def _of_one_input(one: Summary | None, other: Summary | None) -> bool:
     return Path(one.input).resolve() == Path(other.input).resolve()
 
 
-def _summary(detections: Path) -> Summary | None:
+def _summary(detections: Path) -> AnySummary | None:
     """That of the replay which left these detections; anything else beside a summary may be of another input."""
     if detections.name != CSV_NAME:
         return None
     try:
-        return read_summary(detections.parent)
+        return read_any_summary(detections.parent)
     except SourceError:
         return None
 

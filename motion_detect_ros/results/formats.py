@@ -24,7 +24,7 @@ from motion_detect_ros.results.files import (
     SUMMARY_NAME,
     TIMES_NAME,
 )
-from motion_detect_ros.results.summary import read_summary
+from motion_detect_ros.results.live_summary import LiveSummary, read_any_summary
 from motion_detect_ros.sources.part_file import part_of
 
 
@@ -81,9 +81,12 @@ def remove_others(folder: Path, names: Sequence[str]) -> None:
     They would be of another run. Raises: OSError where a file cannot be removed.
     """
     try:
-        earlier = output_names([name for name in read_summary(folder).formats if name in FORMATS])
+        summary = read_any_summary(folder)
     except SourceError:
-        earlier = ()
+        earlier: tuple[str, ...] = ()
+    else:
+        formats = DEFAULT_FORMATS if isinstance(summary, LiveSummary) else summary.formats
+        earlier = output_names([name for name in formats if name in FORMATS])
     for path in (folder / name for name in (*earlier, REPORT_NAME) if name not in names):
         path.unlink(missing_ok=True)
         part_of(path).unlink(missing_ok=True)

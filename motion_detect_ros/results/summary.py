@@ -112,7 +112,11 @@ def read_summary(folder: Path) -> Summary:
     """
     path = folder / SUMMARY_NAME
     try:
-        return _summary_of(json.loads(path.read_text(encoding='utf-8')))
+        content = json.loads(path.read_text(encoding='utf-8'))
+        if isinstance(content, dict) and content.get('live') is True:
+            raise SourceError(f'{path}: expected the summary of a replay in process, got that of replay --live, which '
+                              'has neither ego-motion nor times')
+        return _summary_of(content)
     except OSError as error:
         raise SourceError(f'{path}: expected the summary of a replay: {error.strerror}') from None
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:

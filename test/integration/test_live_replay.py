@@ -37,7 +37,7 @@ def png(index: int, stamp_ns: int) -> bytes:
 def patient(tmp_path: Path) -> list[str]:
     """Settings under which every image is answered, however late."""
     settings = dict(setting.split(':=') for setting in PATIENT)
-    path = tmp_path / 'patient.yaml'
+    path = tmp_path / 'patient'  # any name will do, as offline
     path.write_text(yaml.safe_dump({'/**': {'ros__parameters': {key: int(value) for key, value in settings.items()}}}))
     return ['--config', str(path)]
 
@@ -98,3 +98,61 @@ def test_topic_that_is_not_there_is_one_line(two_cameras: Path, tmp_path: Path, 
     assert len(lines) == 1
     assert f'/front/image_raw (sensor_msgs/msg/Image, {FRAMES})' in lines[0]
     assert f'/rear/image_raw (sensor_msgs/msg/Image, {FRAMES})' in lines[0]
+
+
+def truth_of(folder: Path, name: str, frames: int) -> Path:
+    """Truth of a recording, in a folder of truths."""
+    folder.mkdir()
+    lines = ['frame,id,x,y,w,h,moving', *(f'{frame},1,10,10,20,20,1' for frame in range(frames))]
+    (folder / f'{name}.csv').write_text('\n'.join(lines) + '\n')
+    return folder
+
+
+def test_a_live_replay_is_as_one_in_process_to_whom_comes_after(
+    patient: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+):
+    """A bad input costs itself, what is finished is left, the truth goes by the input's name, errors are drawn."""
+    (tmp_path / 'bad.mp4').write_bytes(b'no video')
+    with BagWriter(tmp_path / 'a.mcap') as bag:
+        for index in range(FRAMES):
+            bag.write_image(scene(index), (index + 1) * PERIOD_NS)
+    inputs, out = [str(tmp_path / name) for name in ('bad.mp4', 'a.mcap')], tmp_path / 'out'
+    words = ['replay', *inputs, '--live', *patient, '-o', str(out)]
+    assert main(words) == 3
+    captured = capsys.readouterr()
+    refusal = f'{inputs[0]}: --live expects a bag; make one with the convert command'
+    assert captured.err == f'error: {refusal}\n'
+    first, *rest = captured.out.splitlines()
+    assert first.startswith(f'{out}/a: {FRAMES} images, {FRAMES} answers, latency ')
+    assert rest == ['2 inputs: 1 done, 1 failed', f'failed: {refusal}']
+    states = [entry['state'] for entry in json.loads((out / 'replay.json').read_text())['inputs']]
+    assert states == ['failed', 'done']
+    before = {path.name: path.read_bytes() for path in (out / 'a').iterdir()}
+    assert sorted(before) == ['detections.csv', 'detections.mcap', 'summary.json']
+
+    assert main(words) == 3
+    assert capsys.readouterr().out.splitlines()[0] == f'{first} (finished earlier)'
+    assert {path.name: path.read_bytes() for path in (out / 'a').iterdir()} == before
+    for other, difference in ((['--topic', 'image_raw'], 'topic not given, now image_raw'),
+                              (['--config', 'visdrone'], 'ego_motion.')):
+        assert main([*words, *other]) == 2
+        message = capsys.readouterr().err
+        assert message.startswith(f'error: {out}/a: holds a result of something else (')
+        assert message.count('\n') == 1 and (difference in message or other[0] == '--config')
+    assert main(['replay', inputs[1], '-o', str(out / 'a'), *patient]) == 2
+    assert capsys.readouterr().err == f'error: {out}/a/summary.json: exists; --force overwrites it\n'
+
+    (out / 'a').rename(tmp_path / 'live')
+    truth = truth_of(tmp_path / 'truth', 'a', FRAMES)
+    assert main(['evaluate', str(tmp_path / 'live'), '--truth', str(truth), '--worst', '1', '-o',
+                 str(tmp_path / 'worst')]) == 0
+    assert len([*(tmp_path / 'worst').glob('*.png')]) == 1
+    capsys.readouterr()
+    assert main(['report', str(tmp_path / 'live')]) == 2
+    assert capsys.readouterr().err == (
+        f'error: {tmp_path}/live/summary.json: expected the summary of a replay in process, got that of replay --live, '
+        'which has neither ego-motion nor times\n')
+
+    csv_only = ['replay', inputs[1], '-o', str(tmp_path / 'live'), '--force', '--no-report', '--formats', 'csv']
+    assert main(csv_only) == 0
+    assert not (tmp_path / 'live' / 'detections.mcap').exists(), 'of another replay'

@@ -10,9 +10,12 @@ from typing import Any
 import pytest
 from result_samples import detections, summary
 
+from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import EgoStatus
 from motion_detect_ros.presets import find_config
 from motion_detect_ros.results.formats import FORMATS
+from motion_detect_ros.results.live_summary import LiveSummary, read_live_summary, write_live_summary
 from motion_detect_ros.results.summary import STAGES, Summary, write_summary
 
 jsonschema = pytest.importorskip('jsonschema', reason='pip install jsonschema')
@@ -69,17 +72,30 @@ def test_a_missing_field_is_seen(name: str) -> None:
 def test_the_summary_of_a_live_replay_is_valid_too() -> None:
     assert errors(LIVE) == []
     assert errors({**LIVE, 'answered': None}) == ["None is not of type 'integer'"]
+    assert set(SCHEMA['$defs']['live']['properties']) == {field.name for field in fields(LiveSummary)}
+
+
+def test_an_earlier_summary_of_a_live_replay_is_read(tmp_path: Path) -> None:
+    (tmp_path / 'summary.json').write_text(json.dumps(LIVE))
+    read = read_live_summary(tmp_path)
+    assert (read.input, read.answered, read.input_bytes, read.latency_ms) == ('a.mcap', 0, None, LIVE['latency_ms'])
+    for name, value in (('answered', None), ('latency_ms', {'p50': 1}), ('input', 7)):
+        (tmp_path / 'summary.json').write_text(json.dumps({**LIVE, name: value}))
+        with pytest.raises(SourceError, match=r'summary\.json: expected the summary of replay --live, got \w+Error: '):
+            read_live_summary(tmp_path)
 
 
 @pytest.mark.parametrize('answers', [0, 2])
 def test_so_it_is_as_written(answers: int, tmp_path: Path) -> None:
     """Without answers there is no latency, which JSON cannot say as NaN."""
     pytest.importorskip('rclpy', reason='ROS 2 is not installed')
+    from motion_detect_ros.cli.batch.jobs import Job
     from motion_detect_ros.cli.live import Playback
-    from motion_detect_ros.cli.live_replay import write_live_summary
+    from motion_detect_ros.cli.live_replay import live_summary
     from motion_detect_ros.cli.planner import Received
     received = tuple(Received(number, detections((7, 1, 2, 3, 4, 0.5)), 20.0) for number in range(answers))
-    write_live_summary(tmp_path, Path('a.mcap'), 2, Playback(received, 2, 1.0))
+    job = Job('a.mcap', tmp_path, PipelineConfig())
+    write_live_summary(tmp_path, live_summary(job, None, 2, Playback(received, 2, 1.0)))
     content = json.loads((tmp_path / 'summary.json').read_text(), parse_constant=pytest.fail)
     assert errors(content) == []
     assert content['objects'] == min(answers, 1)

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import motion_detect_ros
 from motion_detect_ros.cli.batch.inputs import size_of
-from motion_detect_ros.cli.batch.jobs import Job, Outcome
+from motion_detect_ros.cli.batch.jobs import OK, PARTIAL, Job, Outcome
 from motion_detect_ros.cli.batch.one_input import outcome_of
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.report.make import report_after_replay
-from motion_detect_ros.results.files import REPORT_NAME, SUMMARY_NAME
+from motion_detect_ros.results.files import BAG_NAME, CSV_NAME, REPORT_NAME, SUMMARY_NAME
 from motion_detect_ros.results.formats import output_names
+from motion_detect_ros.results.live_summary import LiveSummary, read_live_summary
 from motion_detect_ros.results.ownership import is_owned
 from motion_detect_ros.results.summary import WINDOW_FIELDS, Summary, read_summary
 from motion_detect_ros.sources.part_file import part_of
@@ -33,31 +34,39 @@ class Found(Enum):
 _WHY_ANEW = {Found.INCOMPLETE: 'incomplete', Found.OUTDATED: 'the input has changed'}
 
 
-def sort_out(jobs: Sequence[Job], force: bool) -> tuple[dict[Job, Outcome], list[str]]:
+def sort_out(jobs: Sequence[Job], force: bool, live: bool = False) -> tuple[dict[Job, Outcome], list[str]]:
     """The outcomes of jobs that an earlier run finished, and a line for each that it began and that is done anew;
     of what is finished a report that is wanted and missing is made.
 
-    force: take all folders for empty. Raises: SourceError where a folder holds something else.
+    force: take all folders for empty. live: they are to be played through the nodes.
+    Raises: SourceError where a folder holds something else.
     """
     finished: dict[Job, Outcome] = {}
     lines = []
     for job in () if force else jobs:
-        found = look(job)
+        found = look(job, live)
         if found is Found.FINISHED:
-            finished[job] = _as_earlier(outcome_of(job, read_summary(job.folder)))
+            outcome = (outcome_of_live(job.folder, read_live_summary(job.folder)) if live
+                       else outcome_of(job, read_summary(job.folder)))
+            finished[job] = _as_earlier(outcome)
         elif found in _WHY_ANEW and not is_owned(job.folder):
             lines.append(f'{job.folder}: {_WHY_ANEW[found]}, done anew')
     return {job: _with_report(job, outcome) for job, outcome in finished.items()}, lines
 
 
-def look(job: Job) -> Found:
+def outcome_of_live(folder: Path, summary: LiveSummary) -> Outcome:
+    """What the summary of a live replay says, in one line."""
+    return Outcome(OK if summary.complete else PARTIAL, f'{folder}: {summary.line}')
+
+
+def look(job: Job, live: bool = False) -> Found:
     """Raises: SourceError where there are results of another input, window, settings or version, or of unknown ones."""
     names = output_names(job.formats)
     files = [file for name in names for file in (job.folder / name, part_of(job.folder / name)) if file.exists()]
     if not files:
         return Found.NOTHING
     try:
-        summary = read_summary(job.folder)
+        summary = read_live_summary(job.folder) if live else read_summary(job.folder)
     except SourceError:
         known = [file for file in files if file.name == SUMMARY_NAME] or files
         raise SourceError(f'{known[0]}: exists; --force overwrites it') from None
@@ -67,7 +76,10 @@ def look(job: Job) -> Found:
     now = size_of(job.path)
     if now is not None and summary.input_bytes not in (None, now):
         return Found.OUTDATED
-    whole = all((job.folder / name).is_file() for name in names) and (summary.overlay or not job.overlay)
+    if isinstance(summary, LiveSummary):
+        whole = all((job.folder / name).is_file() for name in (CSV_NAME, BAG_NAME))
+    else:
+        whole = all((job.folder / name).is_file() for name in names) and (summary.overlay or not job.overlay)
     return Found.FINISHED if summary.complete and whole else Found.INCOMPLETE
 
 
@@ -79,15 +91,16 @@ def _with_report(job: Job, outcome: Outcome) -> Outcome:
     return replace(outcome, line=f'{outcome.line}; {trouble or f"{REPORT_NAME} made now"}')
 
 
-def _differences(summary: Summary, job: Job) -> Iterator[str]:
+def _differences(summary: Summary | LiveSummary, job: Job) -> Iterator[str]:
     """What of the job the summary does not say, each in a few words."""
     if Path(summary.input).resolve() != Path(job.path).resolve():
         yield f'input {summary.input}, now {job.path}'
     if summary.version != motion_detect_ros.__version__:
         yield f'version {summary.version}, now {motion_detect_ros.__version__}'
     for name in ('fps', 'topic', *WINDOW_FIELDS):
-        if getattr(summary, name) != getattr(job, name):
-            yield f'{name} {_shown(getattr(summary, name))}, now {_shown(getattr(job, name))}'
+        was, wanted = getattr(summary, name, None), getattr(job, name)
+        if was != wanted:
+            yield f'{name} {_shown(was)}, now {_shown(wanted)}'
     now = {name: value for name, value, _ in settings(job.config)}
     for name in sorted({*now, *summary.settings}):
         if summary.settings.get(name) != now.get(name):

@@ -1,0 +1,94 @@
+"""summary.json of a replay through the nodes: counts and latencies, and what it was of."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from types import NoneType
+from typing import Any
+
+from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.results.files import SUMMARY_NAME, write_whole
+from motion_detect_ros.results.summary import Summary, read_summary
+
+LATENCIES = 'p50', 'p95', 'p99'
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveSummary:
+    """The fields are those of summary.json, those of ``Summary`` where they have the same name.
+
+    ``frames``: images of the bag; ``wanted``: those of them that were to be answered, None for all; ``answered``: those
+    that were; ``latency_ms``: from image to detections, None without answers.
+    """
+
+    input: str
+    input_bytes: int | None = None
+    topic: str | None = None
+    version: str
+    live: bool = True
+    frames: int
+    source_frames: int
+    wanted: int | None = None
+    answered: int
+    detections: int
+    objects: int
+    latency_ms: dict[str, float | None]
+    settings: dict[str, bool | int | float | str] = field(default_factory=dict)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every image was answered that was to be."""
+        return self.answered >= (self.frames if self.wanted is None else self.wanted)
+
+    @property
+    def line(self) -> str:
+        """It in a few words, for the user."""
+        median, p95 = (self.latency_ms[name] for name in LATENCIES[:2])
+        latency = '' if median is None else f', latency {median:.0f} ms median, {p95:.0f} ms p95'
+        return f'{self.frames} images, {self.answered} answers{latency}'
+
+
+_TYPES: dict[str, tuple[type, ...]] = {
+    **dict.fromkeys(('input', 'version'), (str,)), 'topic': (str, NoneType), 'live': (bool,),
+    **dict.fromkeys(('frames', 'source_frames', 'answered', 'detections', 'objects'), (int,)),
+    **dict.fromkeys(('input_bytes', 'wanted'), (int, NoneType)), **dict.fromkeys(('latency_ms', 'settings'), (dict,))}
+
+
+def write_live_summary(folder: Path, summary: LiveSummary) -> None:
+    """Write summary.json, whole or not at all."""
+    write_whole(folder / SUMMARY_NAME, json.dumps(asdict(summary), indent=2) + '\n')
+
+
+def read_live_summary(folder: Path) -> LiveSummary:
+    """The summary of a live replay. Raises: SourceError where there is none, or what there is is of something else."""
+    path = folder / SUMMARY_NAME
+    try:
+        return _summary_of(json.loads(path.read_text(encoding='utf-8')))
+    except OSError as error:
+        raise SourceError(f'{path}: expected the summary of replay --live: {error.strerror}') from None
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        found = f'{type(error).__name__}: {error}'
+        raise SourceError(f'{path}: expected the summary of replay --live, got {found}') from None
+
+
+def read_any_summary(folder: Path) -> Summary | LiveSummary:
+    """The summary of a replay, in process or live. Raises: SourceError where it is neither."""
+    try:
+        return read_live_summary(folder)
+    except SourceError:
+        return read_summary(folder)
+
+
+def _summary_of(content: dict[str, Any]) -> LiveSummary:
+    """Raises: TypeError, KeyError, ValueError, AttributeError for what is no such summary."""
+    if content.get('live') is not True:
+        raise ValueError('that of another kind')
+    known = {each.name: content[each.name] for each in fields(LiveSummary) if each.name in content}
+    for name, expected in _TYPES.items():
+        if name in known and not isinstance(known[name], expected):
+            raise TypeError(f'{name} {known[name]!r}')
+    latencies = {name: known['latency_ms'][name] for name in LATENCIES}
+    return LiveSummary(**{**known, 'latency_ms': {
+        name: None if value is None else float(value) for name, value in latencies.items()}})
