@@ -16,6 +16,7 @@ import numpy as np
 from motion_detect_ros.cli.demo_files import RECORD_NAME, begin, note
 from motion_detect_ros.cli.demo_pictures import write_pictures
 from motion_detect_ros.cli.demo_table import Run, table
+from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.cli.progress import track
 from motion_detect_ros.core.errors import BackendError, SourceError
 from motion_detect_ros.core.pipeline import MotionPipeline
@@ -87,6 +88,8 @@ def _check_needs(preset: str, offline: bool) -> None:
     load_preset(preset)
     if not offline and importlib.util.find_spec('rclpy') is None:
         raise BackendError('rclpy is missing: install ROS 2 Jazzy or the extra "ros", or use --offline')
+    if not offline:
+        own_domain()
 
 
 def record_flight(config: FlightConfig, folder: Path) -> RecordArray:

@@ -8,14 +8,25 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
+from motion_detect_ros.core.errors import ConfigError
+
 #: DDS domains that plain Linux port ranges allow.
 DOMAINS = range(1, 101)
+#: The last one whose ports there are.
+LAST_DOMAIN = 232
 
 
 def own_domain() -> int:
-    """The user's ROS_DOMAIN_ID, or one that no other process of this machine has got here; the same all the time."""
+    """The user's ROS_DOMAIN_ID, or one that no other process of this machine has got here; the same all the time.
+
+    Raises: ConfigError where the user's is none.
+    """
     chosen = os.environ.get('ROS_DOMAIN_ID')
-    return int(chosen) if chosen else _reserved(os.getpid())
+    if not chosen:
+        return _reserved(os.getpid())
+    if not chosen.strip().isdecimal() or int(chosen) > LAST_DOMAIN:
+        raise ConfigError(f'ROS_DOMAIN_ID: expected a whole number from 0 to {LAST_DOMAIN}, got {chosen}')
+    return int(chosen)
 
 
 @cache

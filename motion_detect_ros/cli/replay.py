@@ -17,6 +17,7 @@ from motion_detect_ros.cli.batch.jobs import Ended, Job, Outcome
 from motion_detect_ros.cli.batch.listing import conclusion, exit_code, write_list
 from motion_detect_ros.cli.batch.one_input import run_job
 from motion_detect_ros.cli.batch.resume import sort_out
+from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.cli.format_options import add_format_arguments, formats_of
 from motion_detect_ros.cli.output_folders import folders_of
 from motion_detect_ros.cli.progress import Board
@@ -142,7 +143,9 @@ def _do(jobs: list[Job], arguments: argparse.Namespace, board: Board, ended: End
 
 
 def _check_live(arguments: argparse.Namespace) -> None:
-    """Raises: SourceError for an option that says nothing to nodes; BackendError without ROS 2."""
+    """Raises: SourceError for an option that says nothing to nodes; ConfigError for a ROS_DOMAIN_ID that is none;
+    BackendError without ROS 2.
+    """
     if arguments.workers > 1:
         raise SourceError(
             f'--live: expected no --workers, as one graph plays one bag at a time, got {arguments.workers}')
@@ -151,6 +154,7 @@ def _check_live(arguments: argparse.Namespace) -> None:
     for name in ('scheduler', 'start', 'duration', 'every'):
         if getattr(arguments, name) is not None:
             raise SourceError(f'--live: expected no --{name}, got {getattr(arguments, name)}')
+    own_domain()
     try:
         importlib.import_module('motion_detect_ros.cli.live_replay')
     except ModuleNotFoundError as error:

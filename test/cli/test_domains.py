@@ -7,8 +7,10 @@ import sys
 
 import pytest
 
+from motion_detect_ros.__main__ import main
 from motion_detect_ros.cli import domains
 from motion_detect_ros.cli.domains import DOMAINS, own_domain
+from motion_detect_ros.core.errors import ConfigError
 
 #: A process that thinks that its number is 7 and says its domain, until its input ends.
 RUN = '''
@@ -45,6 +47,24 @@ def test_the_user_s_choice_counts(no_domain, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv('ROS_DOMAIN_ID', '150')
     assert own_domain() == 150
     assert not [*no_domain.iterdir()]
+
+
+@pytest.mark.parametrize('word', ['abc', '-1', '233', '1.5'])
+def test_a_choice_that_is_none_is_one_line(word: str, no_domain, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv('ROS_DOMAIN_ID', word)
+    with pytest.raises(ConfigError, match=rf'^ROS_DOMAIN_ID: expected a whole number from 0 to 232, got {word}$'):
+        own_domain()
+
+
+@pytest.mark.parametrize('words', [['replay', 'a.mcap', '--live'], ['demo']])
+def test_so_it_is_before_anything_is_done(
+    words: list[str], no_domain, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+):
+    pytest.importorskip('rclpy', reason='ROS 2 is not installed')
+    monkeypatch.setenv('ROS_DOMAIN_ID', 'abc')
+    assert main([*words, '-o', str(no_domain / 'out')]) == 2
+    assert capsys.readouterr().err == 'error: ROS_DOMAIN_ID: expected a whole number from 0 to 232, got abc\n'
+    assert not (no_domain / 'out').exists()
 
 
 def test_where_nothing_can_be_locked_the_process_decides(no_domain, monkeypatch: pytest.MonkeyPatch):
