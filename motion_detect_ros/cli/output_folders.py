@@ -3,40 +3,47 @@
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import count
 from pathlib import Path
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.results.live_summary import read_any_summary
+from motion_detect_ros.sources.images import natural_key
+from motion_detect_ros.sources.opening import source_name
 from motion_detect_ros.sources.part_file import part_of
 
 #: Name of an input whose own name holds nothing to make one from.
 NAMELESS = 'input'
 #: What does not belong into the name of a folder: control characters, and what shells and other systems take specially.
 _ODD = re.compile(r'[^\w .,+=@-]')
+_NUMBERED = re.compile(r'(.+)-([2-9]|[1-9]\d+)')
 
 
 def folder_name(path: str) -> str:
-    """The name of an input without its suffix, fit for a folder: no separators, no dots at the start."""
-    return _ODD.sub('_', Path(path).resolve().stem).strip(' .') or NAMELESS
+    """The name of an input, fit for a folder: no separators, no dots at the start."""
+    return _ODD.sub('_', source_name(Path(path).resolve())).strip(' .') or NAMELESS
 
 
 def folders_of(inputs: Sequence[str], output: Path, several: bool = True) -> list[Path]:
     """One folder for each input, directly in ``output``, no two the same; without ``several``, ``output`` itself.
 
-    An input keeps the folder of an earlier run, also where inputs of the same name have come before it.
+    An input keeps the folder of an earlier run, whatever inputs of the same name came before it then or do now.
     """
     if not several:
         return [output]
+    present = _present(output)
     folders: dict[str, Path] = {}
     for path in inputs:
-        earlier = next(folder for folder in _numbered(output, path) if not folder.exists() or _holds(folder, path))
-        if earlier.exists():
+        earlier = next((folder for folder in present[folder_name(path)] if _holds(folder, path)), None)
+        if earlier:
             folders[path] = earlier
+    taken = set(folders.values())
     for path in inputs:
         if path not in folders:
-            folders[path] = next(folder for folder in _numbered(output, path) if folder not in folders.values())
+            folders[path] = next(folder for folder in _numbered(output, path) if folder not in taken)
+            taken.add(folders[path])
     return [folders[path] for path in inputs]
 
 
@@ -46,6 +53,20 @@ def _numbered(output: Path, path: str) -> Iterator[Path]:
     yield output / name
     for number in count(2):
         yield output / f'{name}-{number}'
+
+
+def _present(output: Path) -> defaultdict[str, list[Path]]:
+    """Name of an input -> what there is in ``output`` that it may have had, the lowest number first."""
+    found: defaultdict[str, list[Path]] = defaultdict(list)
+    try:
+        entries = sorted(output.iterdir(), key=lambda entry: natural_key(entry.name))
+    except OSError:  # not there yet; else whoever writes there says so
+        return found
+    for entry in entries:
+        found[entry.name].append(entry)
+        if numbered := _NUMBERED.fullmatch(entry.name):
+            found[numbered[1]].append(entry)
+    return found
 
 
 def _holds(folder: Path, path: str) -> bool:

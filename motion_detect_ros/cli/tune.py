@@ -26,6 +26,7 @@ from motion_detect_ros.presets import load_preset, node_parameters, write_preset
 from motion_detect_ros.results.clips import truth_of_clips
 from motion_detect_ros.results.files import write_whole
 from motion_detect_ros.results.metrics import COUNTINGS
+from motion_detect_ros.sources.opening import source_name
 from motion_detect_ros.tuning.objective import AgreementObjective, Objective, TruthObjective
 from motion_detect_ros.tuning.recording import Recording
 from motion_detect_ros.tuning.report import as_json, as_markdown, headline
@@ -111,7 +112,7 @@ def _recordings(arguments: argparse.Namespace) -> list[Recording]:
     if arguments.output.resolve() in [Path(path).resolve() for path in paths]:
         raise SourceError(f'{arguments.output}: expected another folder for the outputs than the input itself; choose '
                           'another --output')
-    names = [Path(path).resolve().stem for path in paths]
+    names = [source_name(Path(path).resolve()) for path in paths]
     if len(set(names)) < len(names):
         raise SourceError(f'inputs: expected different names, got {", ".join(names)}')
     truths = truth_of_clips(dict(zip(names, map(Path, paths), strict=True)), arguments.truth) if arguments.truth else {}

@@ -9,6 +9,7 @@ from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.results.files import CSV_NAME
 from motion_detect_ros.results.live_summary import LiveSummary, read_any_summary
 from motion_detect_ros.results.summary import Summary
+from motion_detect_ros.sources.opening import source_name
 
 AnySummary = Summary | LiveSummary
 #: Where the truth of a clip may be in a folder of truth; the third as MOT Challenge lays it out.
@@ -84,7 +85,7 @@ def same_clips(runs: Mapping[str, Mapping[str, Path]]) -> dict[str, dict[str, Pa
 
 def _check_inputs(files: Mapping[str, Path]) -> None:
     """Raises: SourceError where the summaries beside detections of one clip name different inputs."""
-    known = [(run, name) for run, file in files.items() if (name := _stem(_summary(file)))]
+    known = [(run, name) for run, file in files.items() if (name := _input_name(_summary(file)))]
     for run, name in known[1:]:
         if name != known[0][1]:
             raise SourceError(f'{files[run]}: expected detections of the same input as in {known[0][0]}, '
@@ -95,14 +96,14 @@ def _by_name(clips: Mapping[str, Path], folder: Path) -> dict[str, Path]:
     """Truth by the name of the clip, else by that of its input unless others of that truth had another input."""
     exact = {name: _in_folder(folder, name) for name in clips}
     summaries = {name: _summary(file) for name, file in clips.items()}
-    near = {name: exact[name] or _in_folder(folder, _stem(summaries[name])) for name in clips}
+    near = {name: exact[name] or _in_folder(folder, _input_name(summaries[name])) for name in clips}
     return {name: truth for name, truth in near.items() if truth and (exact[name] or all(
         _of_one_input(summaries[other], summaries[name]) for other, same in near.items() if same == truth))}
 
 
-def _stem(summary: AnySummary | None) -> str:
+def _input_name(summary: AnySummary | None) -> str:
     """The name of what was replayed, without its suffix; empty where no summary says so."""
-    return Path(summary.input).stem if summary else ''
+    return source_name(summary.input) if summary else ''
 
 
 def _of_one_input(one: AnySummary | None, other: AnySummary | None) -> bool:

@@ -21,7 +21,8 @@ from motion_detect_ros.sources.rosbag1_storage import ROSBAG1_MAGIC, Rosbag1Stor
 from motion_detect_ros.sources.rosbag_storage import SQLITE_MAGIC, RosbagStorage
 
 METADATA_NAME = 'metadata.yaml'
-_SUFFIXES = ('.mcap', '.db3', '.bag')
+#: Of the files of bags.
+BAG_SUFFIXES = ('.mcap', '.db3', '.bag')
 
 
 def is_bag(path: Path) -> bool:
@@ -29,7 +30,7 @@ def is_bag(path: Path) -> bool:
     if path.is_dir():
         return (path / METADATA_NAME).is_file() or bool(_storage_files(path))
     try:
-        return path.suffix in _SUFFIXES or _magic(path).startswith((MCAP_MAGIC, SQLITE_MAGIC, ROSBAG1_MAGIC))
+        return path.suffix in BAG_SUFFIXES or _magic(path).startswith((MCAP_MAGIC, SQLITE_MAGIC, ROSBAG1_MAGIC))
     except OSError:  # nobody can say
         return False
 
@@ -144,7 +145,7 @@ def _magic(path: Path) -> bytes:
 
 
 def _storage_files(folder: Path) -> list[Path]:
-    files = [file for file in folder.iterdir() if file.suffix in _SUFFIXES]
+    files = [file for file in folder.iterdir() if file.suffix in BAG_SUFFIXES]
     return sorted(files, key=lambda file: natural_key(file.name))
 
 

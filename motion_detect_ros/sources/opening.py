@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 
 from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.sources.bag_reader import BAG_SUFFIXES
 from motion_detect_ros.sources.bags import BagFrames, is_bag
 from motion_detect_ros.sources.frames import DEFAULT_FPS, FrameSource, describe_folder
 from motion_detect_ros.sources.images import image_files, image_folder
@@ -60,6 +61,13 @@ def looks_like_source(path: Path) -> bool:
     if path.is_dir():
         return is_bag(path) or is_kitti_drive(path) or bool(image_files(path))
     return path.is_file() and (path.suffix.lower() in VIDEO_SUFFIXES or is_bag(path))
+
+
+def source_name(path: str | Path) -> str:
+    """The name of an input: that of a folder as it is, dots and all, that of a bag's or video's file without suffix."""
+    path = Path(path)
+    is_file = path.suffix.lower() in {*BAG_SUFFIXES, *VIDEO_SUFFIXES} and not path.is_dir()
+    return path.stem if is_file else path.name
 
 
 def _open_folder(path: Path, fps: float | None, topic: str | None, window: Window) -> FrameSource:

@@ -16,7 +16,7 @@ import pytest
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.sources.bags import BagFrames, BagWriter
 from motion_detect_ros.sources.images import ImageSequence, decode_image, image_files, image_folder
-from motion_detect_ros.sources.opening import open_source
+from motion_detect_ros.sources.opening import open_source, source_name
 from motion_detect_ros.sources.video import VideoFile
 from motion_detect_ros.sources.visdrone import visdrone_sequence
 
@@ -37,6 +37,16 @@ def make_video(path: Path, frames: int = 12, fps: float = 10.0) -> Path:
         writer.write(np.full((48, 64, 3), 20 * index, np.uint8))
     writer.release()
     return path
+
+
+@pytest.mark.parametrize(('path', 'name'), [
+    ('a/flight.mcap', 'flight'), ('a/FLIGHT.MP4', 'FLIGHT'), ('a/2024.05.01.bag', '2024.05.01'),
+    ('a/2024.05.01', '2024.05.01'), ('a/run.v2.db3', 'run.v2'), ('a/run.v2', 'run.v2'),
+])
+def test_only_the_suffixes_of_bags_and_videos_are_none_of_the_name(path: str, name: str, tmp_path: Path) -> None:
+    assert source_name(path) == name, 'of one that has gone, too'
+    (tmp_path / path).mkdir(parents=True)
+    assert source_name(tmp_path / path) == Path(path).name, 'a folder has no suffix'
 
 
 def test_pictures_come_in_natural_order(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -96,6 +97,36 @@ def test_inputs_keep_their_folders_when_one_of_the_same_name_comes_before(
     frames = {folder: json.loads((tmp_path / 'out' / folder / 'summary.json').read_text())['frames']
               for folder in ('flight', 'flight-2')}
     assert frames == {'flight': 4, 'flight-2': 6}
+
+
+def test_an_input_keeps_its_folder_when_one_before_it_is_removed(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    first, second = (str(write_bag(tmp_path / day / 'a.mcap', frames)) for day, frames in (('d1', 4), ('d2', 6)))
+    words, out = ['-o', str(tmp_path / 'out'), '--no-report'], tmp_path / 'out'
+    assert main(['replay', first, second, *words]) == 0
+    shutil.rmtree(out / 'a')
+    said(capsys)
+    assert main(['replay', str(tmp_path / 'd2*'), *words]) == 0
+    assert said(capsys).startswith(f'{out}/a-2: 6 frames')
+    assert not (out / 'a').exists()
+    assert main(['replay', second, first, *words]) == 0
+    assert '2 inputs: 1 done, 1 finished earlier\n' in said(capsys)
+    assert [json.loads((out / name / 'summary.json').read_text())['frames'] for name in ('a', 'a-2')] == [4, 6]
+
+
+def test_dots_in_the_names_of_folders_are_no_suffixes(tmp_path: Path):
+    for day in (1, 2):
+        folder = tmp_path / 'flights' / f'2024.05.0{day}'
+        folder.mkdir(parents=True)
+        for index in range(12):
+            cv2.imwrite(str(folder / f'{index}.png'), np.roll(np.eye(64, dtype=np.uint8) * 200, index, axis=day - 1))
+    (tmp_path / 'truth').mkdir()
+    for name in ('2024.05.01', '2024.05.02'):
+        (tmp_path / 'truth' / f'{name}.csv').write_text('frame,id,x,y,w,h,moving\n11,1,2,2,20,20,1\n')
+    out = tmp_path / 'out'
+    assert main(['replay', str(tmp_path / 'flights'), '-o', str(out), '--no-report']) == 0
+    assert sorted(path.name for path in out.iterdir()) == ['2024.05.01', '2024.05.02', 'replay.json']
+    (out / '2024.05.01').rename(out / 'first')
+    assert main(['evaluate', str(out), '--truth', str(tmp_path / 'truth'), '--bootstrap', '0']) == 0
 
 
 def test_an_input_that_has_changed_is_done_anew(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
