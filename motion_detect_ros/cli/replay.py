@@ -26,6 +26,7 @@ from motion_detect_ros.core.errors import BackendError, SourceError
 from motion_detect_ros.presets import load_preset
 from motion_detect_ros.report.make import can_report
 from motion_detect_ros.results.formats import output_files
+from motion_detect_ros.sources.bags import is_bag
 from motion_detect_ros.sources.frames import DEFAULT_FPS
 from motion_detect_ros.sources.opening import check_rate
 
@@ -36,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='bag (MCAP, db3, ROS 1), video, image folder, VisDrone sequence, KITTI drive; a pattern '
                              'or folder of these')
     parser.add_argument('-o', '--output', type=Path, required=True, help='folder for the outputs')
-    parser.add_argument('--preset', default='default', help='settings: default, visdrone, kitti, report or a YAML file')
+    parser.add_argument('--preset', help='settings: default, visdrone, kitti, report or a YAML file')
     parser.add_argument('--config', help='YAML file with settings, instead of --preset')
     parser.add_argument('--fps', type=float, help=f'frames/s of inputs without time stamps (default {DEFAULT_FPS:g})')
     parser.add_argument('--topic', help='image topic of a bag that has several')
@@ -50,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--force', action='store_true', help='do anew, and overwrite, what an earlier replay left')
     parser.add_argument('--no-report', action='store_true', help='leave out report.html')
     parser.add_argument('--live', action='store_true', help='play through the ROS nodes instead; bags only')
-    parser.add_argument('--rate', type=float, default=1.0, help='with --live: speed against the recording')
+    parser.add_argument('--rate', type=float, help='with --live: speed against the recording (default 1)')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -60,16 +61,10 @@ def run(arguments: argparse.Namespace) -> int:
     cannot be used; ConfigError for an unknown preset or a wrong value; BackendError where ``--live`` finds no ROS 2 or
     ``--scheduler`` no Dask.
     """
-    if not math.isfinite(arguments.rate) or arguments.rate <= 0:
-        raise SourceError(f'--rate: expected a number over 0, got {arguments.rate:g}')
-    if arguments.workers < 1:
-        raise SourceError(f'--workers: expected 1 or more, got {arguments.workers}')
-    if arguments.workers > 1 and arguments.scheduler:
-        raise SourceError('--scheduler: expected no --workers, as the cluster has its own')
-    check_rate('--fps', arguments.fps)
+    _check(arguments)
     if arguments.live:
         _check_live(arguments)
-    config = load_preset(arguments.config or arguments.preset)
+    config = load_preset(preset_of(arguments))
     jobs = make_jobs(arguments, config)
     if not arguments.live and not arguments.no_report and can_report():
         jobs = [replace(job, report=True) for job in jobs]
@@ -84,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
 def make_jobs(arguments: argparse.Namespace, config: PipelineConfig) -> list[Job]:
     """A job for each input; inputs of the same name get a number behind it.
 
-    Raises: SourceError as ``Window``, and where outputs would go into or over an input.
+    Raises: SourceError as ``Window``, where outputs would go into or over an input, for a topic of no bag.
     """
     formats, inputs = formats_of(arguments), expand_inputs(arguments.inputs, arguments.output)
     folders = folders_of(inputs.paths, arguments.output.absolute(), inputs.several)
@@ -95,12 +90,22 @@ def make_jobs(arguments: argparse.Namespace, config: PipelineConfig) -> list[Job
         if job.folder.resolve() == Path(job.path).resolve():
             raise SourceError(f'{job.folder}: expected another folder for the outputs than the input itself; '
                               'choose another --output')
+    if arguments.topic is not None and not any(_may_have_topics(Path(path)) for path in inputs.paths):
+        raise SourceError(f'--topic: expected a bag among the inputs, got {arguments.topic}')
     outputs = {file.resolve() for job in jobs for file in output_files(job.folder)}
     for path in inputs.paths:
         if Path(path).resolve() in outputs:
             raise SourceError(f'{path}: expected an input that no output replaces; choose another --output')
     _ = jobs[0].window  # says at once what is wrong with it
     return jobs
+
+
+def _may_have_topics(path: Path) -> bool:
+    """Whether it is a bag, or what it is will be said when it is opened."""
+    try:
+        return not path.exists() or is_bag(path)
+    except OSError:
+        return True
 
 
 def _run(
@@ -130,7 +135,7 @@ def _do(jobs: list[Job], arguments: argparse.Namespace, board: Board, ended: End
     if arguments.live:
         from motion_detect_ros.cli.live_replay import run_live_job
         for job in jobs:
-            ended(job, run_live_job(job, arguments.config or arguments.preset, arguments.rate))
+            ended(job, run_live_job(job, preset_of(arguments), arguments.rate or 1.0))
     elif arguments.scheduler:
         from motion_detect_ros.cli.batch.cluster import run_on_cluster
         run_on_cluster(jobs, arguments.scheduler, arguments.output.absolute(), board, ended)
@@ -140,6 +145,28 @@ def _do(jobs: list[Job], arguments: argparse.Namespace, board: Board, ended: End
     else:
         for job in jobs:
             ended(job, run_job(job, partial(board.advance, job.name)))
+
+
+def preset_of(arguments: argparse.Namespace) -> str:
+    """Name or file of the settings."""
+    return arguments.config or arguments.preset or 'default'
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    """Raises: SourceError for numbers outside their range and options that contradict each other."""
+    if arguments.rate is not None:
+        if not 0 < arguments.rate < math.inf:
+            raise SourceError(f'--rate: expected a number over 0, got {arguments.rate:g}')
+        if not arguments.live:
+            raise SourceError(f'--rate: expected --live beside it, which plays in time, got {arguments.rate:g}')
+    if arguments.config and arguments.preset:
+        raise SourceError('--config: expected no --preset beside it, as it replaces it, got '
+                          f'{arguments.config} and {arguments.preset}')
+    if arguments.workers < 1:
+        raise SourceError(f'--workers: expected 1 or more, got {arguments.workers}')
+    if arguments.workers > 1 and arguments.scheduler:
+        raise SourceError('--scheduler: expected no --workers, as the cluster has its own')
+    check_rate('--fps', arguments.fps)
 
 
 def _check_live(arguments: argparse.Namespace) -> None:

@@ -185,6 +185,43 @@ def test_options_that_say_nothing_to_nodes_are_refused(
     assert not (tmp_path / 'out').exists()
 
 
+@pytest.mark.parametrize(('words', 'message'), [
+    (['--rate', '2'], 'error: --rate: expected --live beside it, which plays in time, got 2\n'),
+    (['--preset', 'visdrone', '--config', 'kitti'],
+     'error: --config: expected no --preset beside it, as it replaces it, got kitti and visdrone\n'),
+])
+def test_options_that_would_change_nothing_are_refused(
+    words: list[str], message: str, bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(['replay', str(bag), '-o', str(tmp_path / 'out'), *words]) == 2
+    assert capsys.readouterr().err == message
+    assert not (tmp_path / 'out').exists()
+
+
+def test_a_topic_of_pictures_is_refused_and_beside_a_bag_is_not(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    pictures, out = tmp_path / 'pictures', tmp_path / 'out'
+    pictures.mkdir()
+    for index in range(2):
+        cv2.imwrite(str(pictures / f'{index}.png'), scene(index))
+    words = ['-o', str(out), '--topic', 'image_raw', '--no-report']
+    assert main(['replay', str(pictures), *words]) == 2
+    assert capsys.readouterr().err == 'error: --topic: expected a bag among the inputs, got image_raw\n'
+    assert not out.exists()
+    assert main(['replay', str(pictures), str(bag), *words]) == 0
+
+
+def test_an_unset_variable_is_not_the_current_folder(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(bag.parent)
+    for words in ([''], [str(bag), '']):
+        assert main(['replay', *words, '-o', str(tmp_path / 'out')]) == 2
+        assert capsys.readouterr().err == 'error: inputs: expected a path, got nothing\n'
+    assert not (tmp_path / 'out').exists()
+
+
 def test_a_cut_bag_is_partial_and_its_frames_are_kept(bag: Path, tmp_path: Path) -> None:
     cut = tmp_path / 'cut.mcap'
     content = bag.read_bytes()

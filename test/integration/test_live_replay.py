@@ -133,12 +133,10 @@ def test_a_live_replay_is_as_one_in_process_to_whom_comes_after(
     assert main(words) == 3
     assert capsys.readouterr().out.splitlines()[0] == f'{first} (finished earlier)'
     assert {path.name: path.read_bytes() for path in (out / 'a').iterdir()} == before
-    for other, difference in ((['--topic', 'image_raw'], 'topic not given, now image_raw'),
-                              (['--config', 'visdrone'], 'ego_motion.')):
-        assert main([*words, *other]) == 2
-        message = capsys.readouterr().err
-        assert message.startswith(f'error: {out}/a: holds a result of something else (')
-        assert message.count('\n') == 1 and (difference in message or other[0] == '--config')
+    assert main([*words, '--config', 'visdrone']) == 2
+    message = capsys.readouterr().err
+    assert message.startswith(f'error: {out}/a: holds a result of something else (')
+    assert message.count('\n') == 1
     assert main(['replay', inputs[1], '-o', str(out / 'a'), *patient]) == 2
     assert capsys.readouterr().err == f'error: {out}/a/summary.json: exists; --force overwrites it\n'
 

@@ -31,8 +31,10 @@ def expand_inputs(words: Sequence[str], output: Path) -> Inputs:
 
     output: where results go; nothing in there is taken for an input of a folder above it, nor are the detections that
     an earlier replay left anywhere.
-    Raises: SourceError for a pattern without a match, or a folder whose bags are all left out.
+    Raises: SourceError for a pattern without a match, a folder whose bags are all left out, or an empty word.
     """
+    if not all(words):  # would be the current folder
+        raise SourceError('inputs: expected a path, got nothing')
     found: dict[Path, None] = {}
     several = len(words) > 1
     for word in words:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from enum import Enum, auto
 from pathlib import Path
@@ -11,7 +12,7 @@ import motion_detect_ros
 from motion_detect_ros.cli.batch.inputs import size_of
 from motion_detect_ros.cli.batch.jobs import OK, PARTIAL, Job, Outcome
 from motion_detect_ros.cli.batch.one_input import outcome_of
-from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.core.errors import MotionDetectError, SourceError
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.report.make import report_after_replay
 from motion_detect_ros.results.files import BAG_NAME, CSV_NAME, REPORT_NAME, SUMMARY_NAME
@@ -19,6 +20,7 @@ from motion_detect_ros.results.formats import output_names
 from motion_detect_ros.results.live_summary import LiveSummary, read_live_summary
 from motion_detect_ros.results.ownership import is_owned
 from motion_detect_ros.results.summary import WINDOW_FIELDS, Summary, read_summary
+from motion_detect_ros.sources.bags import BagFrames
 from motion_detect_ros.sources.part_file import part_of
 
 
@@ -99,12 +101,20 @@ def _differences(summary: Summary | LiveSummary, job: Job) -> Iterator[str]:
         yield f'version {summary.version}, now {motion_detect_ros.__version__}'
     for name in ('fps', 'topic', *WINDOW_FIELDS):
         was, wanted = getattr(summary, name, None), getattr(job, name)
-        if was != wanted:
+        if was != wanted and _meant(name, was, job.path) != _meant(name, wanted, job.path):
             yield f'{name} {_shown(was)}, now {_shown(wanted)}'
     now = {name: value for name, value, _ in settings(job.config)}
     for name in sorted({*now, *summary.settings}):
         if summary.settings.get(name) != now.get(name):
             yield f'{name} {_shown(summary.settings.get(name))}, now {_shown(now.get(name))}'
+
+
+def _meant(name: str, value: object, path: str) -> object:
+    """What an option comes to: the default where it is not given, of a topic that of the bag which it chooses."""
+    if name == 'topic':
+        with suppress(MotionDetectError, OSError):
+            return BagFrames(path, None if value is None else str(value)).topic.name
+    return {'start_s': 0.0, 'every': 1}.get(name) if value is None else value
 
 
 def _shown(value: object) -> str:

@@ -32,6 +32,15 @@ def write_bag(
     return path
 
 
+def two_topics(path: Path) -> Path:
+    with BagWriter(path) as writer:
+        for index in range(4):
+            for topic, column in (('/image_raw', 0), ('/other', 9)):
+                texture = np.random.default_rng(column).integers(0, 256, (96, 128), np.uint8)
+                writer.write_image(np.roll(texture, index, axis=1), index * 10**8, topic)
+    return path
+
+
 def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
@@ -217,24 +226,42 @@ def test_an_interrupt_while_processes_start_is_one_line(tmp_path: Path):
     (['--every', '2'], 'every not given, now 2'),
     (['--start', '0.1'], 'start_s not given, now 0.1'),
     (['--duration', '1'], 'duration_s not given, now 1.0'),
-    (['--topic', 'image_raw'], 'topic not given, now image_raw'),
+    (['--topic', 'other'], 'topic image_raw, now other'),
     (['--fps', '5'], 'fps not given, now 5.0'),
     (['--preset', 'visdrone'], 'ego_motion.'),
 ])
 def test_results_of_other_settings_are_refused(
     words: list[str], difference: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
 ):
-    bag, out = write_bag(tmp_path / 'a.mcap'), tmp_path / 'out'
-    assert main(['replay', str(bag), '-o', str(out)]) == 0
+    bag, out = two_topics(tmp_path / 'a.mcap'), tmp_path / 'out'
+    first = ['replay', str(bag), '-o', str(out), '--topic', 'image_raw']
+    assert main(first) == 0
     before = contents(out)
     capsys.readouterr()
-    assert main(['replay', str(bag), '-o', str(out), *words]) == 2
+    assert main([*first, *words]) == 2
     message = capsys.readouterr().err
     assert message.startswith(f'error: {out}: holds a result of something else (')
     assert message.endswith('); --force overwrites it\n')
     assert message.count('\n') == 1
     assert difference in message or words[0] == '--preset'
     assert contents(out) == before
+
+
+@pytest.mark.parametrize(('first', 'then'), [
+    ([], ['--start', '0', '--every', '1', '--topic', 'image_raw']),
+    (['--start', '0', '--every', '1', '--topic', 'image_raw'], []),
+    (['--topic', 'image_raw'], ['--topic', '/image_raw']),
+])
+def test_options_that_change_nothing_find_the_same_result(
+    first: list[str], then: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+):
+    words = ['replay', str(write_bag(tmp_path / 'a.mcap')), '-o', str(tmp_path / 'out'), '--no-report']
+    assert main([*words, *first]) == 0
+    before = contents(tmp_path / 'out')
+    said(capsys)
+    assert main([*words, *then]) == 0
+    assert '(finished earlier)' in said(capsys)
+    assert contents(tmp_path / 'out') == before
 
 
 @pytest.mark.parametrize('finished', [True, False])
