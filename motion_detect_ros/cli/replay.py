@@ -8,12 +8,13 @@ from __future__ import annotations
 import argparse
 import importlib
 import math
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from motion_detect_ros.cli.batch.inputs import expand_inputs
-from motion_detect_ros.cli.batch.jobs import Ended, Job, Outcome
+from motion_detect_ros.cli.batch.jobs import PARTIAL, Ended, Job, Outcome
 from motion_detect_ros.cli.batch.listing import conclusion, exit_code, write_list
 from motion_detect_ros.cli.batch.one_input import run_job
 from motion_detect_ros.cli.batch.resume import sort_out
@@ -69,8 +70,17 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.live and not arguments.no_report and can_report():
         jobs = [replace(job, report=True) for job in jobs]
     finished, lines = sort_out(jobs, arguments.force, arguments.live)
-    outcomes = _run(arguments, jobs, finished, lines)
-    if jobs[0].folder != arguments.output.absolute():
+    several, outcomes = jobs[0].folder != arguments.output.absolute(), dict(finished)
+    try:
+        _run(arguments, jobs, outcomes, lines)
+    except KeyboardInterrupt:
+        if several:
+            stopped = {job: Outcome(PARTIAL, f'{job.folder}: interrupted') for job in jobs}
+            with suppress(OSError):
+                write_list(arguments.output, stopped | outcomes)
+        raise
+    outcomes = {job: outcomes[job] for job in jobs}
+    if several:
         print('\n'.join(conclusion(outcomes)))
         write_list(arguments.output, outcomes)
     return exit_code(outcomes)
@@ -108,11 +118,9 @@ def _may_have_topics(path: Path) -> bool:
         return True
 
 
-def _run(
-    arguments: argparse.Namespace, jobs: list[Job], finished: dict[Job, Outcome], lines: list[str],
-) -> dict[Job, Outcome]:
-    """The outcomes of all jobs, in their order; those that are not ``finished`` are done."""
-    outcomes = dict(finished)
+def _run(arguments: argparse.Namespace, jobs: list[Job], outcomes: dict[Job, Outcome], lines: list[str]) -> None:
+    """Do all jobs that have no outcome yet, and add theirs as they end."""
+    finished = dict(outcomes)
     with Board(len(jobs)) as board:
 
         def ended(job: Job, outcome: Outcome) -> None:
@@ -125,7 +133,6 @@ def _run(
         for line in lines:
             board.say(line)
         _do([job for job in jobs if job not in finished], arguments, board, ended)
-    return {job: outcomes[job] for job in jobs}
 
 
 def _do(jobs: list[Job], arguments: argparse.Namespace, board: Board, ended: Ended) -> None:

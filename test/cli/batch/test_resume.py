@@ -181,6 +181,9 @@ def test_an_interrupted_replay_of_many_closes_its_files_and_goes_on_later(tmp_pa
     assert running.returncode == 3
     assert stderr == 'interrupted; what was written so far is kept in the .part files\n'
     assert stdout.startswith(f'{out}/a: 4 frames')
+    entries = json.loads((out / 'replay.json').read_text())['inputs']
+    assert [entry['state'] for entry in entries] == ['done', 'partial', 'partial']
+    assert entries[1]['line'] == f'{out}/b: interrupted'
     for name in 'bc':
         summary = json.loads((out / name / 'summary.json').read_text())
         assert not summary['complete'] and summary['frames'] < 490
