@@ -81,12 +81,13 @@ def replayed_input(detections: Path) -> str | None:
 
 
 def window_frames(detections: Path) -> frozenset[int] | None:
-    """The frames that were processed, where a replay took part of its source only; None where it took all.
+    """The frames that were processed, where a replay took part of its source only; None where it took all, or was live
+    and has no list of them.
 
     Raises: SourceError where frames.csv cannot be read.
     """
     content = _summary(detections)
-    if not isinstance(content, dict) or not takes_part(content):
+    if not isinstance(content, dict) or content.get('live') is True or not takes_part(content):
         return None
     path = detections.with_name(FRAMES_NAME)
     try:

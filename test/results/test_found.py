@@ -33,6 +33,12 @@ def test_frames_with_a_huge_cell(tmp_path: Path) -> None:
         window_frames(tmp_path / 'detections.csv')
 
 
+def test_a_live_replay_has_no_list_of_frames(tmp_path: Path) -> None:
+    (tmp_path / 'summary.json').write_text(
+        '{"live": true, "settings": {"load.decimation_keep": 1, "load.decimation_of": 2}}')
+    assert window_frames(tmp_path / 'detections.csv') is None
+
+
 def test_damaged_bytes(tmp_path: Path) -> None:
     chance, path = random.Random(5), tmp_path / 'found.csv'
     whole = (HEADER + ''.join(f'{frame},1,10,20,30,40\n' for frame in range(5))).encode()
