@@ -20,26 +20,26 @@ from sensor_msgs.msg import Image
 from motion_detect_ros.sources.secrets import SECRET_VARIABLE
 
 USER, PASSWORD = 'pilot', 'xQ7-hunter'
+PERIOD_S = 0.05
 
 
 class Guarded(BaseHTTPRequestHandler):
-    """An MJPEG stream for those who know the password; breaks off after 20 pictures, then refuses."""
+    """An MJPEG stream for those who know the password, until it is over: then everybody is refused."""
 
-    streams = 0
+    over = threading.Event()
 
     def do_GET(self) -> None:
         expected = 'Basic ' + base64.b64encode(f'{USER}:{PASSWORD}'.encode()).decode()
-        if self.headers.get('Authorization') != expected or type(self).streams >= 2:
+        if self.headers.get('Authorization') != expected or self.over.is_set():
             self.send_response(401)
             self.send_header('WWW-Authenticate', 'Basic realm="camera"')
             self.end_headers()
             return
-        type(self).streams += 1
         self.send_response(200)
         self.send_header('Content-Type', 'multipart/x-mixed-replace; boundary=frame')
         self.end_headers()
-        for index in range(20):
-            _, data = cv2.imencode('.jpg', picture(index))
+        _, data = cv2.imencode('.jpg', picture(0))
+        while not self.over.wait(PERIOD_S):
             self.wfile.write(b'--frame\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n' % data.size)
             self.wfile.write(data.tobytes() + b'\r\n')
 
@@ -50,7 +50,7 @@ class Guarded(BaseHTTPRequestHandler):
 @pytest.fixture
 def server() -> Iterator[str]:
     """Host and port."""
-    Guarded.streams = 0
+    Guarded.over.clear()
     with ThreadingHTTPServer(('127.0.0.1', 0), Guarded) as one:
         one.daemon_threads = True
         threading.Thread(target=one.serve_forever, daemon=True).start()
@@ -81,7 +81,7 @@ def test_credentials_open_the_camera_and_are_shown_nowhere(way, server, peer, st
     value = answer.values[0].string_value
     assert value.endswith(f'{server}/live.mjpg')
     assert ('***@' in value) == (way == 'address')
-
+    Guarded.over.set()
     assert peer.until(lambda: any(message.status[0].level == b'\x02' for message in heard
                                   if isinstance(message, DiagnosticArray)))
     everything = str(heard) + str(answer) + (tmp_path / 'camera.log').read_text()
