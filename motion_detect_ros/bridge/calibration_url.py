@@ -11,7 +11,7 @@ from std_msgs.msg import Header
 
 from motion_detect_ros.bridge.images import camera_to_msg
 from motion_detect_ros.core.errors import SourceError
-from motion_detect_ros.core.types import CameraModel
+from motion_detect_ros.core.types import ByteArray, CameraModel
 from motion_detect_ros.sources.calibration_file import CalibrationFile, read_calibration
 from motion_detect_ros.sources.camera_info import camera_of
 
@@ -50,12 +50,13 @@ def recorded_to_msg(info: Any, header: Header) -> CameraInfo:
 
 
 def info_of_image(
-    given: CalibrationFile | CameraModel | Any, width: int, height: int, header: Header,
+    given: CalibrationFile | CameraModel | Any, image: ByteArray, header: Header,
 ) -> tuple[CameraInfo, str]:
-    """The calibration if it fits an image of this size, pixels, else that of an uncalibrated camera, and why.
+    """The calibration if it fits an image, (H, W) or (H, W, 3), else that of an uncalibrated camera, and why.
 
     given: None where there is none; sensor_msgs/CameraInfo as rosbags reads it is of the sensor as a whole.
     """
+    height, width = image.shape[:2]
     recorded = None if isinstance(given, CalibrationFile | CameraModel) else given
     if recorded is not None:
         given = camera_of(recorded) or camera_of(recorded, rectified=True)

@@ -109,16 +109,14 @@ class CameraNode(SourceNode):
     def _publish(self, frame: SourceFrame) -> None:
         start = time.perf_counter()
         self.stats.count_received(time.monotonic_ns())
-        height, width = frame.image.shape[:2]
         try:
             header = header_of(frame.stamp_ns, self._frame_id)
-            self._infos.publish(self._info(width, height, header))
+            self._infos.publish(self._info(frame.image, header))
             self._images.publish(frame.image, header)
         except MotionDetectError as error:
             self.bad_input(error)
             return
-        if self._jpegs.subscribers:
-            self._compress(frame.image, header)
+        self._compress(frame.image, header)
         latency_ms = 1e3 * (time.perf_counter() - start)
         self.stats.count_processed(time.monotonic_ns(), latency_ms, (self.now_ns() - frame.stamp_ns) / 1e6)
         self._count_drops()
@@ -128,13 +126,14 @@ class CameraNode(SourceNode):
 
     def _compress(self, image: ByteArray, header: Any) -> None:
         try:
-            self._jpegs.publish(image, header)
+            if self._jpegs.subscribers:
+                self._jpegs.publish(image, header)
         except MessageError as error:
             self.stats.count_error(str(error))
             self.get_logger().warning(f'{self._jpegs.publisher.topic_name}: {error}', once=True)
 
-    def _info(self, width: int, height: int, header: Any) -> Any:
-        info, complaint = info_of_image(self._calibration or self._capture.calibration, width, height, header)
+    def _info(self, image: ByteArray, header: Any) -> Any:
+        info, complaint = info_of_image(self._calibration or self._capture.calibration, image, header)
         if complaint:
             self.get_logger().warning(complaint, once=True)
         return info
