@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import math
+import sys
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -167,8 +168,7 @@ def _check(arguments: argparse.Namespace) -> None:
         if not arguments.live:
             raise SourceError(f'--rate: expected --live beside it, which plays in time, got {arguments.rate:g}')
     if arguments.config and arguments.preset:
-        raise SourceError('--config: expected no --preset beside it, as it replaces it, got '
-                          f'{arguments.config} and {arguments.preset}')
+        print(f'--preset {arguments.preset}: not used, as --config {arguments.config} replaces it', file=sys.stderr)
     if arguments.workers < 1:
         raise SourceError(f'--workers: expected 1 or more, got {arguments.workers}')
     if arguments.workers > 1 and arguments.scheduler:

@@ -185,17 +185,22 @@ def test_options_that_say_nothing_to_nodes_are_refused(
     assert not (tmp_path / 'out').exists()
 
 
-@pytest.mark.parametrize(('words', 'message'), [
-    (['--rate', '2'], 'error: --rate: expected --live beside it, which plays in time, got 2\n'),
-    (['--preset', 'visdrone', '--config', 'kitti'],
-     'error: --config: expected no --preset beside it, as it replaces it, got kitti and visdrone\n'),
-])
-def test_options_that_would_change_nothing_are_refused(
-    words: list[str], message: str, bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert main(['replay', str(bag), '-o', str(tmp_path / 'out'), *words]) == 2
-    assert capsys.readouterr().err == message
+def test_a_rate_without_nodes_is_refused(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['replay', str(bag), '-o', str(tmp_path / 'out'), '--rate', '2']) == 2
+    assert capsys.readouterr().err == 'error: --rate: expected --live beside it, which plays in time, got 2\n'
     assert not (tmp_path / 'out').exists()
+
+
+def test_a_file_of_settings_replaces_the_preset_and_says_so(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ['replay', str(bag), '--no-report', '--every', '20', '-o']
+    assert main([*words, str(tmp_path / 'both'), '--preset', 'visdrone', '--config', 'kitti']) == 0
+    assert '--preset visdrone: not used, as --config kitti replaces it\n' in capsys.readouterr().err
+    assert main([*words, str(tmp_path / 'one'), '--preset', 'kitti']) == 0
+    assert 'not used' not in capsys.readouterr().err
+    both, one = (json.loads((tmp_path / name / 'summary.json').read_text())['settings'] for name in ('both', 'one'))
+    assert both == one
 
 
 def test_a_topic_of_pictures_is_refused_and_beside_a_bag_is_not(
