@@ -37,8 +37,9 @@ NAMESPACE = 'reference'
 STANDARD_TOPICS = ('/rosout', '/parameter_events')
 #: There only where vision_msgs is installed; the page says so.
 OPTIONAL_TOPICS = ('detections_2d',)
-#: The two images of the bag that camera and player read are so far apart that both run until they are stopped.
-PAUSE_NS = 10_000 * NANOSECONDS
+#: Images of the bag that camera and player read, and the time between two of them: both run until they are stopped, as
+#: they keep pauses up to a minute.
+IMAGES, PAUSE_NS = 200, 50 * NANOSECONDS
 #: A node whose parameters are given here would show those instead of its defaults.
 NEEDED = 'bag'
 
@@ -49,10 +50,10 @@ def read_nodes(domain_id: int) -> dict[str, NodeInterface]:
     Raises: SourceError where a node does not start or answer.
     """
     with ExitStack() as stack:
-        bag = Path(stack.enter_context(tempfile.TemporaryDirectory())) / 'two_images.mcap'
+        bag = Path(stack.enter_context(tempfile.TemporaryDirectory())) / 'slow.mcap'
         with BagWriter(bag) as writer:
-            for stamp_ns in (NANOSECONDS, NANOSECONDS + PAUSE_NS):
-                writer.write_image(np.zeros((64, 64, 3), np.uint8), stamp_ns)
+            for index in range(IMAGES):
+                writer.write_image(np.zeros((64, 64, 3), np.uint8), NANOSECONDS + index * PAUSE_NS)
         given = {'camera': (f'source:={bag}',), 'bag_player': (f'bag:={bag}',),
                  'ego_motion': ('imu.use:=true',), 'pipeline': ('imu.use:=true',)}
         defaults = _defaults(domain_id, [node for node in given if node != 'bag_player'])
