@@ -12,10 +12,10 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
-from types import FrameType
 from typing import NoReturn
 
 from motion_detect_ros.allocator import tune_malloc
+from motion_detect_ros.cli.interrupts import interrupt_once
 
 # FFmpeg and OpenCV print to stderr what we say in one line; both read this when first loaded.
 os.environ.setdefault('OPENCV_FFMPEG_LOGLEVEL', '-8')
@@ -48,9 +48,8 @@ class OneLineParser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command, return its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    signal.signal(signal.SIGTERM, _terminate)
-    if signal.getsignal(signal.SIGHUP) == signal.SIG_DFL:  # not under nohup
-        signal.signal(signal.SIGHUP, _terminate)
+    hangs_up = signal.getsignal(signal.SIGHUP) == signal.SIG_DFL  # not under nohup
+    interrupt_once(signal.SIGTERM, *[signal.SIGHUP] * hangs_up)
     tune_malloc()
     # Imported here: evaluate and inspect must not wait for numba to load.
     from motion_detect_ros.core.errors import MotionDetectError
@@ -80,15 +79,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print('interrupted; what was written so far is kept in the .part files', file=sys.stderr)
         return PARTIAL
-
-
-def _terminate(number: int, frame: FrameType | None) -> None:
-    """SIGTERM and the end of a terminal end a command as Ctrl-C does, so that its outputs are closed properly; a second
-    one changes nothing.
-    """
-    for each in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(each, signal.SIG_IGN)
-    raise KeyboardInterrupt
 
 
 if __name__ == '__main__':

@@ -24,7 +24,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from types import FrameType
 
 import numpy as np
 
@@ -44,6 +43,7 @@ from motion_detect_ros.benchmarks.bench_transport import (
 from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.feeder import Feeder
 from motion_detect_ros.cli.domains import own_domain
+from motion_detect_ros.cli.interrupts import interrupt_once
 from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.results.files import write_whole
 
@@ -200,13 +200,6 @@ def _disturbed(given: argparse.Namespace) -> int:
     return 0 if verdict.steady else 1
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    """The nodes end with this process; a second signal changes nothing, as what was seen is being written."""
-    for ending in _ENDING:
-        signal.signal(ending, signal.SIG_IGN)
-    raise KeyboardInterrupt
-
-
 @reports_errors
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line."""
@@ -218,7 +211,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--faults', choices=GRAPHS, help='disturb this graph all the time')
     parser.add_argument('-o', '--output', type=Path, default=Path('out/soak'), help='folder of the files')
     given = parser.parse_args(arguments)
-    handlers = {number: signal.signal(number, _interrupt) for number in _ENDING}
+    handlers = {number: signal.getsignal(number) for number in _ENDING}
+    interrupt_once(*_ENDING)  # the nodes end with this process
     try:
         if not given.minutes > 0.0 or not given.rate > 0.0:
             raise ConfigError(f'--minutes, --rate: expected over 0, got {given.minutes:g}, {given.rate:g}')

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from typing import NoReturn
 
 from motion_detect_ros.cli.batch.jobs import NOTHING, Ended, Job, Outcome
 from motion_detect_ros.cli.batch.one_input import run_job
+from motion_detect_ros.cli.interrupts import interrupt_once
 from motion_detect_ros.cli.progress import Board
 from motion_detect_ros.core.threads import threads, use
 
@@ -126,7 +126,7 @@ def serve(connection: Connection, workers: int) -> None:
     """The life of a process: jobs from the connection until it closes. What the terminal says is its parent's."""
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _interrupt)
+    interrupt_once(signal.SIGTERM)
     share_cores(workers)
     try:
         while True:
@@ -139,8 +139,3 @@ def serve(connection: Connection, workers: int) -> None:
 def share_cores(workers: int) -> None:
     """One part in ``workers`` of the threads for this process; ``load.threads`` of a job replaces that."""
     use(max(1, threads() // workers))
-
-
-def _interrupt(*_: object) -> NoReturn:
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a second one would end the closing of files
-    raise KeyboardInterrupt

@@ -13,22 +13,23 @@ from batch_flights import PATIENCE_S, write_flight
 
 from motion_detect_ros.sources.bags import BagReader
 
-#: The handler of a process, and a closing of files in whose middle the signal comes again.
+#: A closing of files in whose middle a signal comes again.
 _TWICE = """
 import os, signal
-from motion_detect_ros.{module} import {handler}
-signal.signal(signal.SIGTERM, {handler})
+from motion_detect_ros.cli.interrupts import interrupt_once
+interrupt_once(signal.SIGTERM, signal.SIGHUP)
 try:
-    os.kill(os.getpid(), signal.SIGTERM)
+    os.kill(os.getpid(), signal.{first})
 except KeyboardInterrupt:
-    os.kill(os.getpid(), signal.SIGTERM)
+    os.kill(os.getpid(), signal.{second})
     print('closed')
 """
 
 
-@pytest.mark.parametrize(('module', 'handler'), [('cli.batch.processes', '_interrupt'), ('__main__', '_terminate')])
-def test_a_second_signal_does_not_end_the_closing_of_files(module: str, handler: str):
-    done = subprocess.run([sys.executable, '-c', _TWICE.format(module=module, handler=handler)], capture_output=True,
+@pytest.mark.parametrize(('first', 'second'), [
+    ('SIGTERM', 'SIGTERM'), ('SIGTERM', 'SIGHUP'), ('SIGHUP', 'SIGTERM'), ('SIGHUP', 'SIGHUP')])
+def test_a_second_signal_does_not_end_the_closing_of_files(first: str, second: str):
+    done = subprocess.run([sys.executable, '-c', _TWICE.format(first=first, second=second)], capture_output=True,
                           text=True, timeout=PATIENCE_S, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, 'closed\n', '')
 
