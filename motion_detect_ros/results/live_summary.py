@@ -10,7 +10,7 @@ from typing import Any
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.results.files import SUMMARY_NAME, write_whole
-from motion_detect_ros.results.summary import Summary, read_summary
+from motion_detect_ros.results.summary import Summary, known_fields, read_as, read_summary
 
 LATENCIES = 'p50', 'p95', 'p99'
 
@@ -63,14 +63,7 @@ def write_live_summary(folder: Path, summary: LiveSummary) -> None:
 
 def read_live_summary(folder: Path) -> LiveSummary:
     """The summary of a live replay. Raises: SourceError where there is none, or what there is is of something else."""
-    path = folder / SUMMARY_NAME
-    try:
-        return _summary_of(json.loads(path.read_text(encoding='utf-8')))
-    except OSError as error:
-        raise SourceError(f'{path}: expected the summary of replay --live: {error.strerror}') from None
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-        found = f'{type(error).__name__}: {error}'
-        raise SourceError(f'{path}: expected the summary of replay --live, got {found}') from None
+    return read_as(folder / SUMMARY_NAME, 'replay --live', _summary_of)
 
 
 def read_any_summary(folder: Path) -> Summary | LiveSummary:
@@ -85,10 +78,7 @@ def _summary_of(content: dict[str, Any]) -> LiveSummary:
     """Raises: TypeError, KeyError, ValueError, AttributeError for what is no such summary."""
     if content.get('live') is not True:
         raise ValueError('that of another kind')
-    known = {each.name: content[each.name] for each in fields(LiveSummary) if each.name in content}
-    for name, expected in _TYPES.items():
-        if name in known and not isinstance(known[name], expected):
-            raise TypeError(f'{name} {known[name]!r}')
+    known = known_fields(content, (each.name for each in fields(LiveSummary)), _TYPES)
     latencies = {name: known['latency_ms'][name] for name in LATENCIES}
     return LiveSummary(**{**known, 'latency_ms': {
         name: None if value is None else float(value) for name, value in latencies.items()}})

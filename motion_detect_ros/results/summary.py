@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from types import NoneType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from motion_detect_ros.results.files import SUMMARY_NAME, write_whole
 #: Fields that say, where they are given, that only part of the source is wanted.
 WINDOW_FIELDS = ('start_s', 'duration_s', 'every')
 STAGES = ('preprocessing', 'ego_motion', 'optical_flow', 'clustering', 'total')
+_Read = TypeVar('_Read')
 
 
 @dataclass(frozen=True)
@@ -110,26 +111,38 @@ def read_summary(folder: Path) -> Summary:
 
     Raises: SourceError where there is none, or what there is is not of a replay in process.
     """
-    path = folder / SUMMARY_NAME
+    return read_as(folder / SUMMARY_NAME, 'a replay', _summary_of)
+
+
+def read_as(path: Path, kind: str, made_of: Callable[[dict[str, Any]], _Read]) -> _Read:
+    """What is made of a summary.json. kind: of what it should be one, in words. Raises: SourceError."""
     try:
-        content = json.loads(path.read_text(encoding='utf-8'))
-        if isinstance(content, dict) and content.get('live') is True:
-            raise SourceError(f'{path}: expected the summary of a replay in process, got that of replay --live, which '
-                              'has neither ego-motion nor times')
-        return _summary_of(content)
+        return made_of(json.loads(path.read_text(encoding='utf-8')))
     except OSError as error:
-        raise SourceError(f'{path}: expected the summary of a replay: {error.strerror}') from None
+        raise SourceError(f'{path}: expected the summary of {kind}: {error.strerror}') from None
+    except SourceError as error:
+        raise SourceError(f'{path}: {error}') from None
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-        found = f'{type(error).__name__}: {error}'
-        raise SourceError(f'{path}: expected the summary of a replay, got {found}') from None
+        raise SourceError(f'{path}: expected the summary of {kind}, got {type(error).__name__}: {error}') from None
+
+
+def known_fields(
+    content: dict[str, Any], names: Iterable[str], types: Mapping[str, tuple[type, ...]],
+) -> dict[str, Any]:
+    """Those of a summary that have these names. Raises: TypeError where one is of other types than expected."""
+    known = {name: content[name] for name in names if name in content}
+    for name, expected in types.items():
+        if name in known and not isinstance(known[name], expected):
+            raise TypeError(f'{name} {known[name]!r}')
+    return known
 
 
 def _summary_of(content: dict[str, Any]) -> Summary:
-    """Raises: TypeError, KeyError, ValueError, AttributeError for what is no summary."""
-    known = {each.name: content[each.name] for each in fields(Summary) if each.name in content}
-    for name, expected in _TYPES.items():
-        if name in known and not isinstance(known[name], expected):
-            raise TypeError(f'{name} {known[name]!r}')
+    """Raises: TypeError, KeyError, ValueError, AttributeError for what is no summary; SourceError for a live one."""
+    if isinstance(content, dict) and content.get('live') is True:
+        raise SourceError('expected the summary of a replay in process, got that of replay --live, which has neither '
+                          'ego-motion nor times')
+    known = known_fields(content, (each.name for each in fields(Summary)), _TYPES)
     width, height = known['image_size']
     times = {stage: _percentiles(values) for stage, values in known['stage_ms'].items()}
     return Summary(**{
