@@ -7,11 +7,6 @@ import time
 
 from motion_detect_ros.core.types import NANOSECONDS
 
-#: A step of a recording's clock over this is no pause: nobody waits so long, and who recorded it set the clock.
-LONGEST_GAP_NS = 24 * 3600 * NANOSECONDS
-#: What stands further behind than this was not written late: the clock went back.
-LATE_NS = NANOSECONDS
-
 
 class Pace:
     """Maps the time of a recording to the steady clock; any thread may steer while another waits."""

@@ -7,8 +7,12 @@ from dataclasses import dataclass
 from itertools import chain, tee
 
 from motion_detect_ros.core.types import LATEST_STAMP_NS, NANOSECONDS
-from motion_detect_ros.sources.pace import LATE_NS, LONGEST_GAP_NS
 from motion_detect_ros.sources.raw import RawMessage
+
+#: A step of a recording's clock over this is no pause: nobody waits so long, and who recorded it set the clock.
+LONGEST_GAP_NS = 24 * 3600 * NANOSECONDS
+#: What stands further behind than this was not written late: the clock went back.
+LATE_NS = NANOSECONDS
 
 
 @dataclass(frozen=True)

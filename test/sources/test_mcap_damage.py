@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,6 +36,19 @@ def bag(tmp_path: Path) -> Path:
         for index in range(COUNT):
             writer.write_image(picture(index), STAMP + index * PERIOD)
     return path
+
+
+def write_images(path: Path, **options: Any) -> None:
+    """The same images by the mcap library. options: of its writer."""
+    with path.open('wb') as stream:
+        writer = Writer(stream, **options)
+        writer.start(profile='ros2')
+        schema = writer.register_schema(messages.IMAGE, 'ros2msg', b'')
+        channel = writer.register_channel('/image_raw', 'cdr', schema)
+        for index in range(COUNT):
+            stamp = STAMP + index * PERIOD
+            writer.add_message(channel, stamp, messages.serialize(messages.image(picture(index), stamp, '')), stamp)
+        writer.finish()
 
 
 def chunks(path: Path) -> list[ChunkIndex]:
@@ -103,15 +117,7 @@ def test_inspect_counts_what_can_be_read_and_ends_with_3(bag: Path, capsys: pyte
 
 def test_a_message_that_the_statistics_know_and_nobody_finds_is_missing(bag: Path) -> None:
     """A record outside of the chunks whose kind is damaged looks like one of a later version of the format."""
-    with bag.open('wb') as stream:
-        writer = Writer(stream, use_chunking=False)
-        writer.start(profile='ros2')
-        schema = writer.register_schema(messages.IMAGE, 'ros2msg', b'')
-        channel = writer.register_channel('/image_raw', 'cdr', schema)
-        for index in range(COUNT):
-            stamp = STAMP + index * PERIOD
-            writer.add_message(channel, stamp, messages.serialize(messages.image(picture(index), stamp, '')), stamp)
-        writer.finish()
+    write_images(bag, use_chunking=False)
     fifth = messages.serialize(messages.image(picture(4), STAMP + 4 * PERIOD, ''))
     overwrite(bag, bag.read_bytes().index(fifth) - MESSAGE_HEAD, b'\xF0')
     frames, source = read(bag)
@@ -121,16 +127,8 @@ def test_a_message_that_the_statistics_know_and_nobody_finds_is_missing(bag: Pat
 
 
 def test_without_an_index_of_messages_it_is_told_that_numbers_are_wrong(bag: Path) -> None:
-    with bag.open('wb') as stream:
-        writer = Writer(stream, chunk_size=1000, compression=CompressionType.NONE, use_statistics=False,
-                        index_types=IndexType.CHUNK)
-        writer.start(profile='ros2')
-        schema = writer.register_schema(messages.IMAGE, 'ros2msg', b'')
-        channel = writer.register_channel('/image_raw', 'cdr', schema)
-        for index in range(COUNT):
-            stamp = STAMP + index * PERIOD
-            writer.add_message(channel, stamp, messages.serialize(messages.image(picture(index), stamp, '')), stamp)
-        writer.finish()
+    write_images(bag, chunk_size=1000, compression=CompressionType.NONE, use_statistics=False,
+                 index_types=IndexType.CHUNK)
     FAULTS['kind'](bag, chunks(bag)[2])
     frames, source = read(bag)
     assert [shown for _, shown in frames] == [index for index in range(COUNT) if index != 2]
