@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from peers import PATIENT, TIMEOUT_S, Peer, ready
+from peers import PATIENT, TIMEOUT_S, Peer, own_lines, ready
 from sensor_msgs.msg import Image, PointCloud2
 
 from motion_detect_ros.bridge import topics
@@ -142,7 +142,7 @@ def test_wrong_use_is_one_line_and_exit_code_2(node: str, arguments: list[str], 
     process = node_process(node, *arguments)
     _, errors = process.communicate(timeout=TIMEOUT_S)
     assert process.returncode == 2
-    assert len(errors.strip().splitlines()) == 1, errors
+    assert len(own_lines(errors)) == 1, errors
     for word in words:
         assert word in errors
 

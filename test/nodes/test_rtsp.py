@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from peers import TIMEOUT_S, Peer, picture, small
+from peers import TIMEOUT_S, Peer, own_lines, picture, small
 from rtsp import FPS, PACKAGES, RtspServer, number_of, numbered, serves
 from sensor_msgs.msg import Image, PointCloud2
 
@@ -194,7 +194,8 @@ def test_a_wrong_password_is_named(peer, start, server, tmp_path, credentials, w
     address = server.address.replace('//', f'//{credentials}')
     start('camera', '-p', f'source:={address}', code=2).wait(TIMEOUT_S)
     shown_address = server.address.replace('//', '//***@' if credentials else '//')
-    assert (tmp_path / 'camera.log').read_text() == f'{shown_address}: cannot be opened as a video: {words}\n'
+    printed = own_lines((tmp_path / 'camera.log').read_text())
+    assert printed == [f'{shown_address}: cannot be opened as a video: {words}']
     shown('no or a wrong password for an RTSP camera', 'one line that says so, exit code 2', 'named')
 
 
