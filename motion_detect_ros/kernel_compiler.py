@@ -82,13 +82,20 @@ def warm_up_ahead(config: PipelineConfig, detects: bool, tell: Callable[[int], N
 
     tell: called as each kernel begins, or is done in another process, with how many there were so far.
     """
-    with suppress(NotCachedError), only_cached():
-        warm_up(config, detects)
+    if from_cache(config, detects):
         return
     if can_be_cached():
         compile_elsewhere([each for each in signatures() if kind_of(config, detects) in each.kinds], tell)
     with compilation_told(tell):
         warm_up(config, detects)
+
+
+def from_cache(config: PipelineConfig, detects: bool = True) -> bool:
+    """``warm_up``, as far as no kernel has to be compiled; whether none had to be."""
+    with suppress(NotCachedError), only_cached():
+        warm_up(config, detects)
+        return True
+    return False
 
 
 def compile_elsewhere(wanted: Sequence[Signature], tell: Callable[[int], None]) -> None:

@@ -15,11 +15,20 @@ from reliability import (  # noqa: F401 hooks and a fixture
     shown,
 )
 
+from motion_detect_ros.cli.compiled_kernels import compile_missing
+from motion_detect_ros.presets import load_preset
+
 # How long an example takes says nothing on a machine that others use too.
 settings.register_profile('busy machine', deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile('busy machine')
 
 REPOSITORY = Path(__file__).resolve().parent.parent
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Kernels are compiled before the first test: commands say so on stderr when they have to."""
+    if not hasattr(session.config, 'workerinput'):
+        compile_missing(load_preset('visdrone'), load_preset('default'))
 
 
 @pytest.fixture(scope='session')

@@ -10,9 +10,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from batch_flights import write_flight
 
 from motion_detect_ros.benchmarks.kernel_table import recorded
+from motion_detect_ros.cli import selftest
+from motion_detect_ros.cli.compiled_kernels import COMPILING, compile_missing
 from motion_detect_ros.kernel_compiler import KINDS, Signature, compile_elsewhere, shares, signatures
+from motion_detect_ros.presets import load_preset, with_settings
 
 #: Warms up and prints how many kernels other processes and this one compiled, and what was told.
 START = """
@@ -98,3 +102,32 @@ def test_shares_take_about_as_long_and_keep_modules_together() -> None:
     assert sum('core.a:f' in {each.kernel for each in share} and 'core.a:g' in {each.kernel for each in share}
                for share in split) == 1
     assert shares(wanted[:1], 4) == [wanted[:1]]
+
+
+def replay(cache: Path, flight: Path, out: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, '-m', 'motion_detect_ros', 'replay', str(flight), '-o', str(out), '--no-report'],
+        env={**os.environ, 'NUMBA_CACHE_DIR': str(cache)}, capture_output=True, text=True, timeout=300, check=True)
+
+
+def test_the_first_replay_says_that_it_compiles_and_the_second_one_does_not(tmp_path: Path) -> None:
+    flight = write_flight(tmp_path / 'flight.mcap')
+    assert replay(tmp_path / 'cache', flight, tmp_path / 'first').stderr == f'{COMPILING}\n'
+    assert replay(tmp_path / 'cache', flight, tmp_path / 'second').stderr == ''
+    first, second = ((tmp_path / name / 'detections.csv').read_bytes() for name in ('first', 'second'))
+    assert first == second
+
+
+def test_settings_that_no_pipeline_takes_are_left_to_who_uses_them(capsys: pytest.CaptureFixture[str]) -> None:
+    of_a_network = {'optical_flow.method': 'onnx', 'optical_flow.onnx_model': '/nowhere.onnx'}
+    compile_missing(with_settings(load_preset('default'), of_a_network))
+    assert capsys.readouterr().err == ''
+
+
+def test_a_cache_that_keeps_nothing_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What other processes compiled is gone, or could not be written."""
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
+    monkeypatch.setattr(selftest, 'compile_missing', lambda *_: None)
+    found = selftest.compiled_kernels()
+    assert (found.passed, 'NUMBA_CACHE_DIR' in found.cure) == (False, True)
+    assert 'without a cache' in found.found

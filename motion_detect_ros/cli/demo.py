@@ -13,6 +13,7 @@ from time import perf_counter
 
 import numpy as np
 
+from motion_detect_ros.cli.compiled_kernels import compile_missing
 from motion_detect_ros.cli.demo_files import RECORD_NAME, begin, note
 from motion_detect_ros.cli.demo_pictures import write_pictures
 from motion_detect_ros.cli.demo_table import Run, table
@@ -69,6 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     truth = record_flight(config, folder)
     note(folder, NAMES)
     bag = folder / FLIGHT_BAG
+    compile_missing(load_preset(arguments.preset))
     answers = offline = run_in_process(bag, arguments.preset)
     rate = arguments.rate or min(1.0, LOAD_SHARE * real_time_factor(offline, config.fps))
     if not arguments.offline:

@@ -19,6 +19,7 @@ from motion_detect_ros.cli.batch.jobs import PARTIAL, Ended, Job, Outcome
 from motion_detect_ros.cli.batch.listing import conclusion, exit_code, write_list
 from motion_detect_ros.cli.batch.one_input import run_job
 from motion_detect_ros.cli.batch.resume import sort_out
+from motion_detect_ros.cli.compiled_kernels import compile_missing
 from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.cli.format_options import add_format_arguments, formats_of
 from motion_detect_ros.cli.output_folders import folders_of
@@ -71,6 +72,8 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.live and not arguments.no_report and can_report():
         jobs = [replace(job, report=True) for job in jobs]
     finished, lines = sort_out(jobs, arguments.force, arguments.live)
+    if not arguments.live and not arguments.scheduler and len(finished) < len(jobs):
+        compile_missing(config)
     several, outcomes = jobs[0].folder != arguments.output.absolute(), dict(finished)
     try:
         _run(arguments, jobs, outcomes, lines)

@@ -17,6 +17,7 @@ from typing import Any
 
 import motion_detect_ros
 from motion_detect_ros.cli.batch.inputs import expand_inputs, size_of
+from motion_detect_ros.cli.compiled_kernels import compile_missing
 from motion_detect_ros.cli.progress import Board
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError, SourceError
@@ -80,6 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
     study = Study(arguments.output, searched, _task(arguments, recordings, start, searched), arguments.seed)
     objective: Objective = (TruthObjective(arguments.counting, arguments.iou) if arguments.truth
                             else AgreementObjective(arguments.iou))
+    compile_missing(start)
     tuner = Tuner(recordings, objective, start, searched, arguments.seed)
     _search(tuner, study, arguments.trials, arguments.time)
     best = study.best

@@ -19,6 +19,7 @@ import pytest
 from batch_flights import PATIENCE_S, write_flight
 
 from motion_detect_ros.__main__ import main
+from motion_detect_ros.cli.batch import one_input
 from motion_detect_ros.cli.batch.jobs import PARTIAL, Job
 from motion_detect_ros.cli.batch.one_input import run_job
 from motion_detect_ros.core.config import PipelineConfig
@@ -121,15 +122,13 @@ def test_a_bag_that_is_deleted_in_mid_run_is_read_to_its_end(tmp_path: Path):
 def test_a_defect_in_one_input_does_not_stop_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ):
-    from motion_detect_ros.core.pipeline import MotionPipeline
     bags = [str(write_flight(tmp_path / f'{name}.mcap', frames=3)) for name in 'ab']
-    begin = MotionPipeline.__init__
 
-    def failing(self: MotionPipeline, *words: object) -> None:
-        monkeypatch.setattr(MotionPipeline, '__init__', begin)
+    def failing(*_: object) -> None:
+        monkeypatch.undo()
         raise ZeroDivisionError('by nothing')
 
-    monkeypatch.setattr(MotionPipeline, '__init__', failing)
+    monkeypatch.setattr(one_input, 'MotionPipeline', failing)
     assert main(['replay', *bags, '-o', str(tmp_path / 'out')]) == 3
     captured = capsys.readouterr()
     assert f'failed: {bags[0]}: ZeroDivisionError: by nothing' in captured.out
