@@ -61,7 +61,8 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
         topics[frames.camera_topic] = CAMERA_TOPIC
     if job.config.imu.use and frames.imu_topic:
         topics[frames.imu_topic] = IMU_TOPIC
-    with LiveGraph(preset, compressed=compressed) as graph:
+    given = ('rectified:=true',) if job.rectified else ()
+    with LiveGraph(preset, parameters=given, compressed=compressed) as graph:
         playback = graph.play(bag.resolve(), wanted_of(job.config, images), rate, topics)
     summary, frame_of = live_summary(job, input_bytes, images, playback), _frame_numbers(bag, frames.topic.name)
     job.folder.mkdir(parents=True, exist_ok=True)
@@ -97,8 +98,9 @@ def live_summary(job: Job, input_bytes: int | None, images: int, playback: Playb
     latencies = spread([message.latency_ms for message in playback.received])
     detections = [message.records for message in playback.received]
     return LiveSummary(
-        input=job.path, input_bytes=input_bytes, topic=job.topic, version=motion_detect_ros.__version__, frames=images,
-        source_frames=images, wanted=wanted_of(job.config, images), answered=len(playback.received),
+        input=job.path, input_bytes=input_bytes, topic=job.topic, rectified=job.rectified,
+        version=motion_detect_ros.__version__, frames=images, source_frames=images,
+        wanted=wanted_of(job.config, images), answered=len(playback.received),
         detections=sum(len(records) for records in detections),
         objects=len({int(number) for records in detections for number in records['id']}),
         latency_ms={name: round(value, 3) if math.isfinite(value) else None  # JSON has no NaN

@@ -26,7 +26,7 @@ from motion_detect_ros.cli.output_folders import folders_of
 from motion_detect_ros.cli.progress import Board
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import BackendError, SourceError
-from motion_detect_ros.presets import load_preset
+from motion_detect_ros.presets import load_preset, node_parameters
 from motion_detect_ros.report.make import can_report
 from motion_detect_ros.results.formats import output_files
 from motion_detect_ros.sources.bags import is_bag
@@ -44,6 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--config', help='YAML file with settings, instead of --preset')
     parser.add_argument('--fps', type=float, help=f'frames/s of inputs without time stamps (default {DEFAULT_FPS:g})')
     parser.add_argument('--topic', help='image topic of a bag that has several')
+    parser.add_argument('--rectified', action='store_true', help='the images of bags are rectified: matrix P of '
+                        'camera_info holds, not K and D')
     parser.add_argument('--start', type=float, metavar='S', help='begin S seconds after the first frame')
     parser.add_argument('--duration', type=float, metavar='S', help='end S seconds after that')
     parser.add_argument('--every', type=int, metavar='N', help='of the frames in between take each Nth only')
@@ -96,9 +98,10 @@ def make_jobs(arguments: argparse.Namespace, config: PipelineConfig) -> list[Job
     Raises: SourceError as ``Window``, where outputs would go into or over an input, for a topic of no bag.
     """
     formats, inputs = formats_of(arguments), expand_inputs(arguments.inputs, arguments.output)
+    rectified = arguments.rectified or node_parameters(preset_of(arguments)).get('rectified') is True
     folders = folders_of(inputs.paths, arguments.output.absolute(), inputs.several)
     jobs = [Job(path, folder, config, arguments.fps, arguments.topic, arguments.start, arguments.duration,
-                arguments.every, formats, arguments.overlay)
+                arguments.every, formats, arguments.overlay, rectified=rectified)
             for path, folder in zip(inputs.paths, folders, strict=True)]
     for job in jobs:
         if job.folder.resolve() == Path(job.path).resolve():

@@ -73,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
     of_nodes = node_parameters(arguments.preset)
     if start.imu.use:
         raise ConfigError(f'{arguments.preset}: imu.use: expected false, as tune uses the pictures only, got true')
-    recordings = _recordings(arguments)
+    recordings = _recordings(arguments, of_nodes.get('rectified') is True)
     use(start.load.threads)
     _make_folder(arguments.output)
     if arguments.force:
@@ -108,7 +108,7 @@ def _check(arguments: argparse.Namespace) -> None:
         raise SourceError(f'--time: expected a number over 0, got {arguments.time:g}')
 
 
-def _recordings(arguments: argparse.Namespace) -> list[Recording]:
+def _recordings(arguments: argparse.Namespace, rectified: bool) -> list[Recording]:
     """Raises: SourceError where inputs and truth do not fit together."""
     paths = expand_inputs(arguments.inputs, arguments.output).paths
     if arguments.output.resolve() in [Path(path).resolve() for path in paths]:
@@ -120,7 +120,7 @@ def _recordings(arguments: argparse.Namespace) -> list[Recording]:
     truths = truth_of_clips(dict(zip(names, map(Path, paths), strict=True)), arguments.truth) if arguments.truth else {}
     if arguments.truth and (missing := [name for name in names if name not in truths]):
         raise SourceError(f'--truth: expected truth of every input, found none of {", ".join(missing)}')
-    return [Recording(path, truths.get(name), arguments.fps, arguments.topic, arguments.frames)
+    return [Recording(path, truths.get(name), arguments.fps, arguments.topic, arguments.frames, rectified)
             for path, name in zip(paths, names, strict=True)]
 
 
@@ -135,6 +135,7 @@ def _task(
         'inputs': [str(Path(one.path).resolve()) for one in recordings],
         'truth': [str(path.resolve()) for path in arguments.truth], 'frames': arguments.frames, 'seed': arguments.seed,
         'fps': arguments.fps, 'topic': arguments.topic, 'iou': arguments.iou, 'counting': arguments.counting,
+        'rectified': [one.rectified for one in recordings],
         'start': {name: value for name, value, _ in settings(start)},
         'searched': [[one.name, one.low, one.high, one.log] for one in searched]}
 

@@ -26,6 +26,7 @@ class LiveSummary:
     input: str
     input_bytes: int | None = None
     topic: str | None = None
+    rectified: bool = False
     version: str
     live: bool = True
     frames: int
@@ -51,7 +52,8 @@ class LiveSummary:
 
 
 _TYPES: dict[str, tuple[type, ...]] = {
-    **dict.fromkeys(('input', 'version'), (str,)), 'topic': (str, NoneType), 'live': (bool,),
+    **dict.fromkeys(('input', 'version'), (str,)), 'topic': (str, NoneType),
+    **dict.fromkeys(('live', 'rectified'), (bool,)),
     **dict.fromkeys(('frames', 'source_frames', 'answered', 'detections', 'objects'), (int,)),
     **dict.fromkeys(('input_bytes', 'wanted'), (int, NoneType)), **dict.fromkeys(('latency_ms', 'settings'), (dict,))}
 

@@ -42,10 +42,10 @@ class Summary:
 
     ``frames``: processed; ``misstamped_frames``: left out, as their stamps were seen already, late or out of range;
     ``source_frames``: of the source, those left out and unreadable ones included. ``fps`` (1/s), ``topic``, ``start_s``
-    and ``duration_s`` (s), ``every`` (frames): as the user gave them, None where not; ``input_bytes``: None where the
-    size is not known. ``formats``: of the detections, names in ``results.formats.FORMATS``; ``overlay``: whether
-    detections.mcap holds the pictures with boxes; ``tuned``: at the end,
-    the settings that may follow the scene (``core.self_tuning.Tuned``).
+    and ``duration_s`` (s), ``every`` (frames): as the user gave them, None where not; ``rectified``: the pictures of a
+    bag are; ``input_bytes``: None where the size is not known. ``formats``: of the detections, names in
+    ``results.formats.FORMATS``; ``overlay``: whether detections.mcap holds the pictures with boxes; ``tuned``: at the
+    end, the settings that may follow the scene (``core.self_tuning.Tuned``).
     """
 
     input: str
@@ -55,6 +55,7 @@ class Summary:
     start_s: float | None = None
     duration_s: float | None = None
     every: int | None = None
+    rectified: bool = False
     formats: list[str] = field(default_factory=list)
     overlay: bool = False
     version: str
@@ -86,7 +87,7 @@ _TYPES: dict[str, tuple[type, ...]] = {
                      'first_stamp_ns', 'last_stamp_ns'), (int,)),
     **dict.fromkeys(('input_bytes', 'announced_frames', 'every'), (int, NoneType)),
     **dict.fromkeys(('fps', 'start_s', 'duration_s'), (*_NUMBER, NoneType)),
-    **dict.fromkeys(('complete', 'overlay', 'calibrated'), (bool,)),
+    **dict.fromkeys(('complete', 'overlay', 'calibrated', 'rectified'), (bool,)),
     **dict.fromkeys(('ego_status', 'settings', 'tuned', 'stage_ms', 'decode_ms'), (dict,)), 'formats': (list,)}
 
 

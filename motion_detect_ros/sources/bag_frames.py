@@ -27,10 +27,12 @@ _IMU = 'imu'
 class BagFrames:
     """One image topic (Image or CompressedImage) of a bag; stamps are those of the headers."""
 
-    def __init__(self, path: str | Path, topic: str | None = None, window: Window = WHOLE) -> None:
+    def __init__(
+        self, path: str | Path, topic: str | None = None, window: Window = WHOLE, rectified: bool = False,
+    ) -> None:
         """topic: with or without the leading slash; None where the bag has only one.
 
-        window: by the times of recording, from that of the topic's first message.
+        window: by the times of recording, from that of the topic's first message. rectified: as for ``camera_of``.
         Raises: SourceError for an empty bag, and for a wrong topic with a list of the image topics.
         """
         self._reader = BagReader(path)
@@ -39,7 +41,7 @@ class BagFrames:
         self.topic = _choose_topic(self.path, self._reader.topics, topic)
         self.camera_topic = self._choose_camera_topic()
         self.camera_info = self._read_camera_info()
-        self.camera = camera_of(self.camera_info) if self.camera_info is not None else None
+        self.camera = camera_of(self.camera_info, rectified) if self.camera_info is not None else None
         self.bad_frames = 0
         self._window = window
 

@@ -18,12 +18,14 @@ from motion_detect_ros.sources.window import WHOLE, Window
 
 def open_source(
     path: str | Path, fps: float | None = None, topic: str | None = None, window: Window = WHOLE,
+    rectified: bool = False,
 ) -> FrameSource:
     """Open a bag (MCAP, db3, ROS 1 or folder), video, image folder, VisDrone sequence or KITTI raw drive.
 
     fps: frame rate, 1/s; overrides the rate of a video or folder without time stamps, ignored where the source
     has stamps of its own (bag, KITTI drive). topic: image topic of a bag, needed where it has several.
-    window: the part of it that is given; frames keep the index that they have in the whole.
+    window: the part of it that is given; frames keep the index that they have in the whole. rectified: of a bag, as for
+    ``camera_of``.
     Raises: SourceError with one line that says what was found and what is expected.
     """
     if not str(path):
@@ -33,9 +35,9 @@ def open_source(
     check_rate('frame rate', fps)
     try:
         if path.is_dir():
-            return _open_folder(path, fps, topic, window)
+            return _open_folder(path, fps, topic, window, rectified)
         if path.is_file():
-            return BagFrames(path, topic, window) if is_bag(path) else VideoFile(path, fps, window)
+            return BagFrames(path, topic, window, rectified) if is_bag(path) else VideoFile(path, fps, window)
     except OSError as error:
         raise SourceError(f'{path}: cannot be read: {error.strerror or error}') from None
     raise SourceError(f'{path}: no such file or folder')
@@ -70,9 +72,9 @@ def source_name(path: str | Path) -> str:
     return path.stem if is_file else path.name
 
 
-def _open_folder(path: Path, fps: float | None, topic: str | None, window: Window) -> FrameSource:
+def _open_folder(path: Path, fps: float | None, topic: str | None, window: Window, rectified: bool) -> FrameSource:
     if is_bag(path):
-        return BagFrames(path, topic, window)
+        return BagFrames(path, topic, window, rectified)
     if is_kitti_drive(path):
         return KittiDrive(path, window)
     if path.name == 'data' and (path.parent / 'timestamps.txt').is_file() and is_kitti_drive(path.parent.parent):

@@ -20,13 +20,16 @@ from motion_detect_ros.sources.opening import open_source
 
 @dataclass(frozen=True)
 class Recording:
-    """An input as ``open_source`` takes it, and its truth, where there is some. ``limit``: first frames used."""
+    """An input as ``open_source`` takes it, and its truth, where there is some. ``limit``: first frames used;
+    ``rectified``: the pictures of a bag are, as for ``camera_of``.
+    """
 
     path: str
     truth: Path | None = None
     fps: float | None = None
     topic: str | None = None
     limit: int | None = None
+    rectified: bool = False
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,8 @@ def load(recording: Recording, config: PipelineConfig) -> Clip:
 
     Raises: SourceError for one that cannot be read or holds no pictures.
     """
-    source, order = open_source(recording.path, recording.fps, recording.topic), StampOrder()
+    source, order = open_source(
+        recording.path, recording.fps, recording.topic, rectified=recording.rectified), StampOrder()
     decimation = FrameDecimation(config.load.decimation_keep, config.load.decimation_of)
     pictures = [Picture(frame.index, frame.image, frame.stamp_ns) for frame in islice(source, recording.limit)
                 if order.judge(frame.stamp_ns).usable and decimation.keep_next()]

@@ -10,22 +10,29 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from bag_contents import contents
 from peers import PATIENT
 from test_nodes import PERIOD_NS, broken_image, scene
 
 from motion_detect_ros.__main__ import main
-from motion_detect_ros.core.types import CameraModel
+from motion_detect_ros.core.types import DETECTION_DTYPE, CameraModel
 from motion_detect_ros.sources.bags import BagWriter
 from motion_detect_ros.sources.messages import COMPRESSED_IMAGE, IMAGE, header, make, serialize
 
 FRAMES = 25
 BROKEN = 15
-CAMERA = CameraModel(320, 240, 300.0, 300.0, 160.0, 120.0)
+CAMERA = CameraModel(320, 240, 300.0, 300.0, 160.0, 120.0, (-0.2, 0.05, 0.0, 0.0, 0.0))
 
 
 def rows(folder: Path) -> list[dict[str, str]]:
     with (folder / 'detections.csv').open(newline='') as file:
         return list(csv.DictReader(file))
+
+
+def records(folder: Path) -> np.ndarray:
+    """Those of detections.mcap, which hold the bearings too."""
+    messages = contents(folder / 'detections.mcap')['/detections']
+    return np.concatenate([np.frombuffer(message.data, DETECTION_DTYPE) for _, message in messages])
 
 
 def png(index: int, stamp_ns: int) -> bytes:
@@ -73,19 +80,26 @@ def test_one_of_two_cameras_with_a_broken_image(
     assert all(int(row['stamp_ns']) == (int(row['frame']) + 1) * PERIOD_NS for row in live)
 
 
-def test_compressed_images(patient: list[str], tmp_path: Path):
+def test_compressed_rectified_images(patient: list[str], tmp_path: Path):
+    projection = np.array([[250.0, 0.0, 150.0, 0.0], [0.0, 200.0, 110.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
     with BagWriter(tmp_path / 'png.mcap') as bag:
         for index in range(FRAMES):
             stamp_ns = (index + 1) * PERIOD_NS
-            bag.write_camera_info(CAMERA, stamp_ns)
+            bag.write_camera_info(CAMERA, stamp_ns, projection=projection)
             bag.write_raw('/image_raw/compressed', COMPRESSED_IMAGE, png(index, stamp_ns), stamp_ns)
-    words = ['replay', str(tmp_path / 'png.mcap'), *patient, '-o']
+    words = ['replay', str(tmp_path / 'png.mcap'), *patient, '--rectified', '-o']
     (tmp_path / 'live').mkdir()
     (tmp_path / 'live' / 'report.html').write_text('of an earlier replay')
     assert main([*words, str(tmp_path / 'live'), '--live']) == 0
     assert not (tmp_path / 'live' / 'report.html').exists()
     assert main([*words, str(tmp_path / 'offline')]) == 0
     assert rows(tmp_path / 'live')
+    for name in ('live', 'offline'):
+        seen = records(tmp_path / name)
+        x, y = seen['u'] - 0.5, seen['v'] - 0.5  # matrices count from the centre of the first pixel
+        ray = np.stack([(x - 150.0) / 250.0, (y - 110.0) / 200.0, np.ones(len(seen))])
+        bearing = [seen[f'bearing_{axis}'] for axis in 'xyz']
+        np.testing.assert_allclose(bearing, ray / np.linalg.norm(ray, axis=0), atol=1e-5)
     assert rows(tmp_path / 'live') == rows(tmp_path / 'offline')
     summary = json.loads((tmp_path / 'live' / 'summary.json').read_text())
     assert (summary['frames'], summary['answered'], summary['live']) == (FRAMES, FRAMES, True)

@@ -22,8 +22,8 @@ class Job:
     """One input and where its outputs go, as absolute paths where other processes or machines do it.
 
     fps (1/s), topic, start_s, duration_s (s), every (frames): as the user gave them, None where not; formats: names in
-    ``FORMATS``; overlay: pictures with boxes too; report: make
-    report.html at the end.
+    ``FORMATS``; overlay: pictures with boxes too; report: make report.html at the end; rectified: the pictures of a bag
+    are, as for ``camera_of``.
     """
 
     path: str
@@ -37,6 +37,7 @@ class Job:
     formats: tuple[str, ...] = DEFAULT_FORMATS
     overlay: bool = False
     report: bool = False
+    rectified: bool = False
 
     @property
     def window(self) -> Window:

@@ -89,7 +89,7 @@ def replay(job: Job, watch: Watch = lambda done, total: None) -> Summary:
     ends the run, outputs and summary hold what was done.
     """
     input_bytes = size_of(job.path)  # before it is read: what grows meanwhile is another input next time
-    source = open_source(job.path, job.fps, job.topic, job.window)
+    source = open_source(job.path, job.fps, job.topic, job.window, job.rectified)
     pipeline = MotionPipeline(job.config, source.camera)
     gyro = _gyro(source, job.config)
     use(job.config.load.threads)
@@ -241,8 +241,8 @@ def _summarize(
 ) -> Summary:
     return Summary(
         input=str(job.path), input_bytes=input_bytes, fps=job.fps, topic=job.topic, start_s=job.start_s,
-        duration_s=job.duration_s, every=job.every, formats=list(job.formats), overlay=job.overlay,
-        version=motion_detect_ros.__version__, complete=complete, damaged=source.damaged,
+        duration_s=job.duration_s, every=job.every, rectified=job.rectified, formats=list(job.formats),
+        overlay=job.overlay, version=motion_detect_ros.__version__, complete=complete, damaged=source.damaged,
         announced_frames=source.frame_count, frames=tally.frames, bad_frames=tally.bad_frames + source.bad_frames,
         misstamped_frames=tally.misstamped_frames, source_frames=tally.source_frames, detections=tally.detections,
         objects=len(tally.ids), ego_status=dict(tally.ego_status), image_size=tally.image_size,

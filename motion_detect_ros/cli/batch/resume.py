@@ -99,7 +99,7 @@ def _differences(summary: Summary | LiveSummary, job: Job) -> Iterator[str]:
         yield f'input {summary.input}, now {job.path}'
     if summary.version != motion_detect_ros.__version__:
         yield f'version {summary.version}, now {motion_detect_ros.__version__}'
-    for name in ('fps', 'topic', *WINDOW_FIELDS):
+    for name in ('fps', 'topic', 'rectified', *WINDOW_FIELDS):
         was, wanted = getattr(summary, name, None), getattr(job, name)
         if was != wanted and _meant(name, was, job.path) != _meant(name, wanted, job.path):
             yield f'{name} {_shown(was)}, now {_shown(wanted)}'

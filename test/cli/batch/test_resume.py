@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from batch_flights import PATIENCE_S, trap
+from batch_flights import PATIENCE_S, trap, write_flight
 
 from motion_detect_ros.__main__ import main
 from motion_detect_ros.report import embedding
@@ -319,3 +319,19 @@ def test_results_inside_of_the_input_do_not_change_it(tmp_path: Path, capsys: py
     said(capsys)
     assert main(words) == 0
     assert '(finished earlier)' in said(capsys)
+
+
+@pytest.mark.parametrize('given', ['option', 'preset'])
+def test_rectified_images_are_another_result(given: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    bag, out, preset = write_flight(tmp_path / 'a.mcap', frames=3), tmp_path / 'out', tmp_path / 'mine.yaml'
+    preset.write_text('/**: {ros__parameters: {rectified: true}}\n')
+    words = ['replay', str(bag), '-o', str(out), '--no-report']
+    rectified = [*words, *(['--rectified'] if given == 'option' else ['--preset', str(preset)])]
+    assert main(words) == 0
+    capsys.readouterr()
+    assert main(rectified) == 2
+    assert 'holds a result of something else (rectified False, now True)' in capsys.readouterr().err
+    assert main([*rectified, '--force']) == 0
+    assert json.loads((out / 'summary.json').read_text())['rectified'] is True
+    assert main(rectified) == 0
+    assert capsys.readouterr().out.splitlines()[-1].endswith('(finished earlier)')
