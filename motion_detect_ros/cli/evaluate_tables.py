@@ -127,7 +127,11 @@ def _what(clips: Sequence[ClipEvaluation]) -> str:
 
 
 def _caution(clips: Sequence[ClipEvaluation], plan: Bootstrap | None) -> str:
-    return plan.caution([len(clip.frames) for clip in clips]) if plan else ''
+    late = ', '.join(f'{clip.late_labels} labels of {clip.name}' for clip in clips if clip.late_labels)
+    cautions = [f'{late} are of frames after the end of the replay and count nowhere'] if late else []
+    if plan and (few := plan.caution([len(clip.frames) for clip in clips])):
+        cautions.append(few)
+    return '; '.join(cautions)
 
 
 def _possible(interval: tuple[float, float], least: float = 0.0) -> tuple[float, float]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from motion_detect_ros.cli.batch.inputs import size_of
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.report.index import make_index
 from motion_detect_ros.report.make import make_report
+from motion_detect_ros.results.summary import read_summary
 
 INDEX = 'index'
 
@@ -32,5 +34,16 @@ def run(arguments: argparse.Namespace) -> int:
     if words:
         print(make_index(Path(folder), arguments.output))
     else:
+        if arguments.source:
+            _check_input(Path(folder), arguments.source)
         print(make_report(Path(folder), arguments.truth, arguments.output, arguments.source))
     return 0
+
+
+def _check_input(folder: Path, source: str) -> None:
+    """Raises: SourceError for one that is not there, or not of the size of what was replayed."""
+    if not Path(source).exists():
+        raise SourceError(f'--input: {source}: no such file or folder')
+    was, now = read_summary(folder).input_bytes, size_of(source)
+    if was is not None and now is not None and was != now:
+        raise SourceError(f'--input: expected the recording that was replayed, {was} bytes, got {source}, {now} bytes')

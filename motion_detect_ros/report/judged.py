@@ -15,7 +15,6 @@ from motion_detect_ros.results.metrics import (
     COUNTINGS,
     Score,
     boxes_of_truth,
-    frame_count,
     frame_counts,
     judge_frame,
 )
@@ -46,7 +45,7 @@ class Mistake:
 @dataclass(frozen=True)
 class Judged:
     """``scores``: by counting and IoU; ``misses``, ``false_boxes``: (N,) counts of each processed frame, 0 in the
-    frames not counted; ``found``: (M,) bool, which truth records were found, of ``truth.boxes``.
+    frames not counted; ``found``, ``counts``: (M,) bool, which truth records were found, and count, of ``truth.boxes``.
     """
 
     path: Path
@@ -55,6 +54,7 @@ class Judged:
     misses: DoubleArray
     false_boxes: DoubleArray
     found: BoolArray
+    counts: BoolArray
     mistakes: tuple[Mistake, ...]
 
     @property
@@ -74,8 +74,7 @@ def judge(replayed: Replayed, path: Path, source: str | None = None) -> Judged:
     boxes = truth.boxes[np.isin(truth.boxes['frame'], replayed.frames['frame'])]
     boxes = boxes[np.argsort(boxes['frame'], kind='stable')]
     by_frame = {frame: boxes_of_truth(replayed.of_frame(frame)) for frame in replayed.frames['frame'].tolist()}
-    total = max(frame_count(truth.boxes, by_frame), replayed.summary.source_frames)
-    counted = counted_frames(total, [frozenset(by_frame)] if replayed.in_part else [])
+    counted = counted_frames(replayed.summary.source_frames, [frozenset(by_frame)] if replayed.in_part else [])
     scores = {(name, iou): Score.of(frame_counts(truth.boxes, by_frame, iou, wanted, counted))
               for name, wanted in COUNTINGS.items() for iou in IOUS}
     counts = np.isin([*by_frame], counted)
@@ -92,8 +91,8 @@ def judge(replayed: Replayed, path: Path, source: str | None = None) -> Judged:
         misses[row], false_boxes[row] = (~verdict.found).sum(), wrong.sum()
         tally.add(True, frame, verdict.wanted['id'], ~verdict.found, boxes_of_truth(verdict.wanted))
         tally.add(False, frame, replayed.of_frame(frame)['id'], wrong, predicted)
-    return Judged(path, replace(truth, boxes=boxes), scores, misses, false_boxes, found,
-                  tally.worst())
+    wanted_ones = (boxes['moving'] == 1) & np.isin(boxes['frame'], counted)
+    return Judged(path, replace(truth, boxes=boxes), scores, misses, false_boxes, found, wanted_ones, tally.worst())
 
 
 class _Tally:

@@ -126,8 +126,7 @@ def _cards(parts: Parts) -> Iterator[tuple[str, str]]:
     estimated = int(parts.replayed.usable().sum())
     if summary.frames > 1:
         yield f'{100 * estimated / (summary.frames - 1):.0f} %', 'frames with the camera\'s motion known'
-    if parts.judged:
-        score = parts.judged.main
+    if parts.judged and (score := parts.judged.main).frames:
         yield f'{score.f1:.2f}', f'F1 (precision {score.precision:.2f}, recall {score.recall:.2f})'
 
 
@@ -173,12 +172,12 @@ def _boxes(parts: Parts) -> list[list[list[float]]]:
 
 
 def _truth_boxes(parts: Parts) -> list[list[list[float]]] | None:
-    """Of each picture of the film the truth: x, y, w, h, moving, found."""
+    """Of each picture of the film the truth: x, y, w, h, whether it counts, found."""
     if not parts.judged:
         return None
-    boxes, found = parts.judged.truth.boxes, parts.judged.found
+    boxes, counts, found = parts.judged.truth.boxes, parts.judged.counts, parts.judged.found
     here = {frame: np.flatnonzero(boxes['frame'] == frame) for frame in parts.pictures.film_frames}
-    return [[[*(_rounded(boxes[row][name]) for name in ('x', 'y', 'w', 'h')), int(boxes[row]['moving']),
+    return [[[*(_rounded(boxes[row][name]) for name in ('x', 'y', 'w', 'h')), int(counts[row]),
               int(found[row])] for row in here[frame]] for frame in parts.pictures.film_frames]
 
 
@@ -203,12 +202,14 @@ def _truth(parts: Parts) -> dict[str, Any] | None:
     wanted = ('Moving: only what is labelled as moving is wanted. All: standing objects too.'
               if judged.truth.says_what_moves else
               'These labels do not say what moves: every labelled object is wanted.')
-    scores = [{'counting': name, 'iou': f'{iou:g}', 'score': score} for (name, iou), score in judged.scores.items()]
+    scores = [{'counting': name, 'iou': f'{iou:g}', 'score': score} for (name, iou), score in judged.scores.items()
+              if score.frames]
+    skipped = (f'The first {WARM_UP_FRAMES} frames are not counted.' if scores else
+               f'No frame is counted: the first {WARM_UP_FRAMES} never are, and there are no more.')
     galleries = [('Missed most often', 'Nothing was missed.', True), ('False most often', 'No box was false.', False)]
     return {
         'path': str(judged.path), 'form': judged.truth.form, 'scores': scores,
-        'counting': f'{wanted} The first {WARM_UP_FRAMES} frames are not counted. Chart and pictures: overlap (IoU) of '
-                    f'{PICTURE_IOU:g}.',
+        'counting': f'{wanted} {skipped} Chart and pictures: overlap (IoU) of {PICTURE_IOU:g}.',
         'galleries': [(title, none, [_mistake(each, parts) for each in judged.mistakes if each.missed is missed])
                       for title, none, missed in galleries]}
 

@@ -32,13 +32,16 @@ MAX_FRAMES = 10**7
 
 @dataclass(frozen=True)
 class ClipEvaluation:
-    """One clip: its truth, and what each run found. ``frames``: those counted; ``files``: detections.csv by run."""
+    """One clip: its truth, and what each run found. ``frames``: those counted; ``files``: detections.csv by run;
+    ``late_labels``: those of frames after the end of a replay, which count nowhere.
+    """
 
     name: str
     truth: Truth
     found: Mapping[str, Found]
     frames: Sequence[int]
     files: Mapping[str, Path]
+    late_labels: int = 0
 
     def counts(self, run: str, counting: str, iou: float) -> CountArray:
         """(F, 3) of ``frame_counts``; counting: a key of ``COUNTINGS``."""
@@ -75,22 +78,25 @@ def evaluate_clip(
 ) -> ClipEvaluation:
     """Read one clip. files: detections.csv by run; last_frame: last one counted, by default the last of all.
 
-    All frames from ``skip`` on count, those of the replay where its summary lies beside the detections, at least up to
-    the last one with truth or detections; of a replay of part of its source those that all runs processed. Labels go by
-    the names of the input's pictures where the summary says where these are.
+    All frames from ``skip`` on count: those of the replay where its summary lies beside the detections, of several the
+    ones that all came to, without any those up to the last one with truth or detections; of a replay of part of its
+    source those that all runs processed. Labels go by the names of the input's pictures where the summary says where
+    these are.
     Raises: SourceError, also where no frame counts.
     """
     inputs = [source for file in files.values() if (source := replayed_input(file)) and Path(source).exists()]
     truth = truth_of_input(truth_path, inputs[0] if inputs else None)
     found = {run: read_found(file) for run, file in files.items()}
-    total = 1 + last_frame if last_frame is not None else max(
-        max(frame_count(truth.boxes, found[run].boxes), replayed_frames(file)) for run, file in files.items())
+    ends = [end for file in files.values() if (end := replayed_frames(file)) is not None]
+    total = min(ends) if ends else max(frame_count(truth.boxes, each.boxes) for each in found.values())
+    late = int((truth.boxes['frame'] >= total).sum()) if last_frame is None else 0
+    total = total if last_frame is None else 1 + last_frame
     windows = [window for file in files.values() if (window := window_frames(file)) is not None]
     frames = counted_frames(total, windows, skip)
     if not len(frames):
         there = len(counted_frames(total, windows, 0))
         raise SourceError(f'{next(iter(files.values()))}: expected more than {skip} frames (--skip), got {there}')
-    return ClipEvaluation(name, truth, found, frames, files)
+    return ClipEvaluation(name, truth, found, frames, files, late)
 
 
 def counted_frames(

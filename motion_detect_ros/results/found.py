@@ -57,14 +57,14 @@ def read_found(path: Path) -> Found:
     return Found({frame: np.array(boxes, np.float64) for frame, boxes in rows.items()}, dict(ids))
 
 
-def replayed_frames(detections: Path) -> int:
-    """Frames of the source that ``detections`` are of, unreadable and left-out ones included; 0 without a summary.
+def replayed_frames(detections: Path) -> int | None:
+    """Frames of the source that ``detections`` are of, unreadable and left-out ones included; None without a summary.
 
     Raises: SourceError where the summary has no count.
     """
     content = _summary(detections)
     if content is None:
-        return 0
+        return None
     try:
         return operator.index(content['source_frames'])
     except (KeyError, TypeError) as error:

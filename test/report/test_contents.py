@@ -146,6 +146,10 @@ def test_truth(results: Path, tmp_path: Path):
     assert [(each.missed, each.identity, each.count, each.frames) for each in judged.mistakes] == [
         (True, 50, 30, 30), (False, 3, 4, 4)]
     assert judged.found.sum() == 25 + 27, 'the first frames are shown as found too'
+    boxes = judged.truth.boxes
+    assert judged.counts.tolist() == [frame >= 10 and moving == 1 for frame, moving in zip(
+        boxes['frame'].tolist(), boxes['moving'].tolist(), strict=True)]
+    assert 0 < judged.counts.sum() < len(boxes)
     assert judged.mistakes[0].box == (200, 200, 20, 20)
 
 

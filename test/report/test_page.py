@@ -217,6 +217,34 @@ def test_page_is_the_same_for_the_same_results(report: Path, tmp_path: Path):
     assert len(first) < 3_500_000
 
 
+def test_a_replay_of_the_first_frames_only_has_no_score(tmp_path: Path):
+    results = write_results(tmp_path / 'out', str(tmp_path / 'gone.mp4'), source_frames=10)
+    for name in ('frames.csv', 'times.csv', 'detections.csv'):
+        header, *rows = (results / name).read_text().splitlines()
+        (results / name).write_text('\n'.join([header, *(row for row in rows if int(row.split(',')[0]) < 10), '']))
+    assert main(['report', str(results), '--truth', str(write_truth(tmp_path / 'truth.csv'))]) == 0
+    page = (results / 'report.html').read_text(encoding='utf-8')
+    assert 'No frame is counted: the first 10 never are' in page
+    assert 'F1 (precision' not in page
+
+
+def test_another_recording_is_not_taken_for_the_replayed_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+):
+    pictures, other = tmp_path / 'pictures', tmp_path / 'other'
+    write_pictures(pictures)
+    write_pictures(other)
+    (other / 'more.txt').write_text('one byte more is another recording')
+    size = sum(each.stat().st_size for each in pictures.iterdir())
+    results = write_results(tmp_path / 'out', str(tmp_path / 'gone'), input_bytes=size)
+    assert main(['report', str(results), '--input', str(other)]) == 2
+    line = capsys.readouterr().err
+    assert line.startswith(f'error: --input: expected the recording that was replayed, {size} bytes, got {other}, ')
+    assert main(['report', str(results), '--input', str(tmp_path / 'nowhere')]) == 2
+    assert capsys.readouterr().err == f'error: --input: {tmp_path}/nowhere: no such file or folder\n'
+    assert main(['report', str(results), '--input', str(pictures)]) == 0
+
+
 def test_replay_of_nothing(tmp_path: Path):
     results = write_results(tmp_path / 'out', str(tmp_path / 'gone.mp4'), {}, frames=0)
     for name in ('frames.csv', 'times.csv'):

@@ -82,6 +82,31 @@ class TestFrames:
         with pytest.raises(SourceError, match='frames.csv: expected the frames of the replay: No such file'):
             evaluate_clip('a', write_moving(tmp_path / 'truth.csv', range(20)), {'run': found})
 
+    def test_labels_after_the_end_of_the_replay_count_nowhere(self, tmp_path: Path) -> None:
+        """A cut recording, or one with an excerpt's pictures: what it does not show was not missed."""
+        found = write_found(tmp_path / 'detections.csv', range(6))
+        (tmp_path / 'summary.json').write_text(json.dumps({'source_frames': 8}))
+        clip = evaluate_clip('a', write_moving(tmp_path / 'truth.csv', range(20)), {'run': found}, skip=2)
+        assert (list(clip.frames), clip.late_labels) == ([2, 3, 4, 5, 6, 7], 12)
+        score = figure_of([clip], 'moving', 0.5).scores['a']['run']
+        assert (score.wanted, score.true_positives) == (6, 4)
+        assert evaluate_clip('a', tmp_path / 'truth.csv', {'run': found}, 2, last_frame=9).late_labels == 0
+
+    def test_of_two_replays_the_frames_count_that_both_came_to(self, tmp_path: Path) -> None:
+        files = {}
+        for name, frames in (('short', 6), ('long', 9)):
+            (tmp_path / name).mkdir()
+            files[name] = write_found(tmp_path / name / 'detections.csv', range(frames))
+            (tmp_path / name / 'summary.json').write_text(json.dumps({'source_frames': frames}))
+        clip = evaluate_clip('a', write_moving(tmp_path / 'truth.csv', range(9)), files, skip=0)
+        assert list(clip.frames) == [*range(6)]
+
+    def test_a_replay_of_no_frames_is_no_f1_of_zero(self, tmp_path: Path) -> None:
+        found = write_found(tmp_path / 'detections.csv', range(0))
+        (tmp_path / 'summary.json').write_text(json.dumps({'source_frames': 0}))
+        with pytest.raises(SourceError, match=r'expected more than 10 frames \(--skip\), got 0'):
+            evaluate_clip('a', write_moving(tmp_path / 'truth.csv', range(20)), {'run': found})
+
     def test_the_longer_run_counts_for_both(self, tmp_path: Path) -> None:
         files = {'A': write_found(tmp_path / 'a.csv', range(4)), 'B': write_found(tmp_path / 'b.csv', range(8))}
         clip = evaluate_clip('a', write_moving(tmp_path / 'truth.csv', range(4)), files, skip=0)

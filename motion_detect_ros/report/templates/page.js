@@ -106,9 +106,9 @@ class Player {
 
   drawTruth(pen, scale) {
     pen.lineWidth = 1.5;
-    for (const [x, y, w, h, moving, found] of this.data.truth[this.frame]) {
-      pen.setLineDash(moving === 1 ? [] : [2, 3]);
-      pen.strokeStyle = moving !== 1 ? 'rgba(255,255,255,0.5)' : found ? '#fff' : '#ff3b6b';
+    for (const [x, y, w, h, counts, found] of this.data.truth[this.frame]) {
+      pen.setLineDash(counts ? [] : [2, 3]);
+      pen.strokeStyle = !counts ? 'rgba(255,255,255,0.5)' : found ? '#fff' : '#ff3b6b';
       pen.strokeRect(x * scale - 2, y * scale - 2, w * scale + 4, h * scale + 4);
     }
     pen.setLineDash([]);
