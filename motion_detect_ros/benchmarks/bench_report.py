@@ -21,7 +21,7 @@ WARM_GOAL_S, COLD_GOAL_S, MEMORY_GOAL_MB = 3.0, 15.0, 400.0
 HEAD = '''# Performance
 
 Written by `python -m motion_detect_ros bench --markdown docs/performance.md --json docs/performance.json`;
-`make bench` prints the tables only, `--parts stages,floor` takes some of them. Input is the built-in flight. Times of
+`make bench` prints it only, `--parts stages,floor` some of its tables. Input is the built-in flight. Times of
 one run on a shared machine vary by a quarter and more; where two things are compared they take turns frame by frame,
 and the figure is the median of the ratios. `test/benchmarks/test_bench_guard.py` fails where the ratio of the pipeline
 to the OpenCV floor, processor time over a town with thirty movers, grows by over a quarter. *goal*: what a

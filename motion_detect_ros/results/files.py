@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 from motion_detect_ros.core.errors import SourceError
@@ -54,6 +55,8 @@ def write_whole(path: Path, text: str) -> None:
     try:
         part.write_text(text, encoding='utf-8')
         part.replace(path)
-    except OSError:
-        part.unlink(missing_ok=True)
+    except OSError as error:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+        error.filename = str(path)  # not a name that nobody gave
         raise

@@ -50,6 +50,8 @@ def read_found(path: Path) -> Found:
                 ids[frame].append(int(float(cells.get('id') or -1)))
     except OSError as error:
         raise SourceError(f'{path}: detections cannot be read: {error.strerror}') from None
+    except UnicodeDecodeError:
+        raise SourceError(f'{path}: expected a CSV of detections, frame,x,y,w,h, got bytes that are no text') from None
     except (ValueError, TypeError, OverflowError) as error:
         raise SourceError(f'{path}, line {reader.line_num}: {error}') from None
     except csv.Error as error:  # the line is not counted yet

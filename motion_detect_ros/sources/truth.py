@@ -82,7 +82,10 @@ def load_truth(path: str | Path) -> Truth:
 
 def finite_box(cells: Sequence[str]) -> list[float]:
     """The four numbers of a box. Raises: ValueError where one is none, or not finite."""
-    box = [float(cell) for cell in cells]
+    try:
+        box = [float(cell) for cell in cells]
+    except (ValueError, TypeError):
+        raise ValueError(f'expected a box of four numbers, got {", ".join(map(repr, cells))}') from None
     if not all(map(math.isfinite, box)):
         raise ValueError(f'expected a box of finite numbers, got {", ".join(f"{value:g}" for value in box)}')
     return box

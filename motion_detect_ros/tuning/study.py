@@ -55,9 +55,9 @@ class Study:
                 f'{path}: expected the trials of an earlier search, or a writable folder: {reason}') from None
 
     def _claim(self, path: Path, task: Mapping[str, Any]) -> None:
-        """Raises: SourceError where the file is of another task."""
+        """Raises: SourceError where the file holds trials of another task."""
         known = self._study.user_attrs.get(_TASK)
-        if known is None:
+        if known is None or not self._study.get_trials(deepcopy=False):
             self._study.set_user_attr(_TASK, task)
         elif known != task:
             odd = sorted(name for name in {*known, *task} if known.get(name) != task.get(name))

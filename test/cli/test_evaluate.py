@@ -75,6 +75,20 @@ def test_boxes_after_the_last_truth_are_false(
     assert (result['frames'], result['moving@0.5']['false_positives']) == (1, 0)  # type: ignore[index]
 
 
+def test_labels_after_the_end_of_the_replay_are_told(
+    found: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    truth = tmp_path / 'a.csv'
+    truth.write_text('frame,id,x,y,w,h,moving\n' + ''.join(f'{frame},1,10,20,30,40,1\n' for frame in range(10, 90)))
+    (tmp_path / 'summary.json').write_text('{"source_frames": 30}')
+    words = ['evaluate', str(found), '--truth', str(truth)]
+    told = f'60 labels of {found.parent.name} are of frames after the end of the replay and count nowhere'
+    assert main(words) == 0
+    assert f'caution: {told}' in capsys.readouterr().out.splitlines()
+    result = run_json(capsys, *words)
+    assert (result['frames'], result['caution']) == (20, told)
+
+
 def test_last_frame_before_the_first_counted(
     found: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
 ) -> None:

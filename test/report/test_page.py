@@ -245,6 +245,13 @@ def test_another_recording_is_not_taken_for_the_replayed_one(
     assert main(['report', str(results), '--input', str(pictures)]) == 0
 
 
+def test_a_page_that_cannot_be_written_is_named_as_it_was_given(
+    report: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+):
+    assert main(['report', str(report.parent), '-o', str(tmp_path / 'no' / 'x.html')]) == 2
+    assert capsys.readouterr().err == f'error: {tmp_path}/no/x.html: No such file or directory\n'
+
+
 def test_replay_of_nothing(tmp_path: Path):
     results = write_results(tmp_path / 'out', str(tmp_path / 'gone.mp4'), {}, frames=0)
     for name in ('frames.csv', 'times.csv'):

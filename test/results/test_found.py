@@ -16,13 +16,21 @@ HEADER = 'frame,id,x,y,w,h\n'
 @pytest.mark.parametrize(('row', 'message'), [
     ('1,1,nan,2,3,4', 'expected a box of finite numbers, got nan, 2, 3, 4'),
     ('1,1,1,2,3,-inf', 'expected a box of finite numbers, got 1, 2, 3, -inf'),
-    ('1,1,1,2,3', 'float'),
+    ('1,1,1,2,3', "expected a box of four numbers, got '1', '2', '3', None"),
+    ('1,1,1,2,x,4', "expected a box of four numbers, got '1', '2', 'x', '4'"),
     ('1,1,' + '9' * 131073 + ',2,3,4', 'field larger than field limit'),
 ])
 def test_bad_cells_are_named_by_file_and_line(tmp_path: Path, row: str, message: str) -> None:
     path = tmp_path / 'found.csv'
     path.write_text(f'{HEADER}0,1,1,2,3,4\n{row}\n')
     with pytest.raises(SourceError, match=rf'found\.csv, line 3: .*{message}'):
+        read_found(path)
+
+
+def test_a_file_that_is_no_text(tmp_path: Path) -> None:
+    path = tmp_path / 'flight.mcap'
+    path.write_bytes(b'\x89MCAP0\r\n')
+    with pytest.raises(SourceError, match=r'flight\.mcap: expected a CSV of detections, frame,x,y,w,h, got bytes that'):
         read_found(path)
 
 

@@ -64,7 +64,7 @@ def test_mot_lines_may_end_with_a_comma(tmp_path: Path) -> None:
 
 
 def test_mot_names_the_line_that_is_wrong(tmp_path: Path) -> None:
-    with pytest.raises(SourceError, match=r'gt.txt, line 3: could not convert string to float'):
+    with pytest.raises(SourceError, match=r'gt.txt, line 3: expected a box of four numbers, got '):
         load_truth(write(tmp_path / 'gt.txt', '1,1,11,21,30,40,1,9,1\n1,1,11,21,30,40,1,1,1\n1,1,1,b,30,40,1,1,1\n'))
 
 
@@ -86,7 +86,7 @@ def test_written_truth_reads_back_exactly(tmp_path: Path) -> None:
 @pytest.mark.parametrize(('text', 'message'), [
     ('', 'expected a VisDrone annotation'),
     ('hello world\n', "first line 'hello world'; expected a VisDrone annotation"),
-    ('1,0,1,2,3,4,1,4,0,0\n2,0,1,2,x,4,1,4,0,0\n', 'line 2: could not convert string to float'),
+    ('1,0,1,2,3,4,1,4,0,0\n2,0,1,2,x,4,1,4,0,0\n', "line 2: expected a box of four numbers, got '1', '2', 'x', '4'"),
     ('1,0,1,2,3,4,1,4,0,0\n2,0,1\n', 'line 2: '),
     ('frame,id,x,y,w\n', 'column h is missing'),
     ('frame,id,x,y,w,h\n1,1,1,1,1\n', 'line 2: '),

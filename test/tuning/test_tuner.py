@@ -79,8 +79,9 @@ class TestStudy:
             tried.append({trial.values[SETTING] for trial in study.run(hill, 5)})
         assert not tried[0] & tried[1]
 
-    def test_another_search_is_refused(self, tmp_path: Path) -> None:
-        study_in(tmp_path)
+    def test_another_search_is_refused_once_there_are_trials(self, tmp_path: Path) -> None:
+        study_in(tmp_path, 'mistaken')
+        next(study_in(tmp_path).run(hill, 1))
         with pytest.raises(SourceError, match=r'holds the trials of another search \(task differ\)'):
             study_in(tmp_path, 'other')
 

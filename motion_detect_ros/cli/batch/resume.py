@@ -73,6 +73,8 @@ def look(job: Job, live: bool = False) -> Found:
         known = [file for file in files if file.name == SUMMARY_NAME] or files
         raise SourceError(f'{known[0]}: exists; --force overwrites it') from None
     difference = next(_differences(summary, job), None)
+    if difference and summary.complete and not summary.frames:
+        return Found.NOTHING  # a mistaken window: there is nothing to lose
     if difference:
         raise SourceError(f'{job.folder}: holds a result of something else ({difference}); --force overwrites it')
     now = size_of(job.path)

@@ -335,3 +335,14 @@ def test_rectified_images_are_another_result(given: str, tmp_path: Path, capsys:
     assert json.loads((out / 'summary.json').read_text())['rectified'] is True
     assert main(rectified) == 0
     assert capsys.readouterr().out.splitlines()[-1].endswith('(finished earlier)')
+
+
+def test_a_result_without_frames_stands_in_nobodys_way(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """A window beyond the end by mistake, then the right one."""
+    bag, out = write_flight(tmp_path / 'a.mcap', frames=3), tmp_path / 'out'
+    words = ['replay', str(bag), '-o', str(out), '--no-report']
+    assert main([*words, '--start', '100']) == 1
+    assert main(words) == 0, capsys.readouterr().err
+    assert json.loads((out / 'summary.json').read_text())['frames'] == 3
+    assert main([*words, '--start', '100']) == 2
+    assert 'holds a result of something else (start_s' in capsys.readouterr().err
