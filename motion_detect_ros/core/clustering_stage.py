@@ -121,6 +121,7 @@ class ClusteringStage:
         if ego.status in STARTS_ANEW or (last is not None and _unlike(last, ego, frame)):
             for part in (self._scene, self._detector, self._last_flow, self._tracker):
                 part.reset()
+            self._note()
         elif last is not None:
             self._continue(last, frame, ego)
         from_flow = self._last_flow.carried(ego)

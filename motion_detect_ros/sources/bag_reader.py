@@ -145,7 +145,8 @@ def _magic(path: Path) -> bytes:
 
 
 def _storage_files(folder: Path) -> list[Path]:
-    files = [file for file in folder.iterdir() if file.suffix in BAG_SUFFIXES]
+    """Without hidden ones, as file systems of other computers leave beside every file."""
+    files = [file for file in folder.iterdir() if file.suffix in BAG_SUFFIXES and not file.name.startswith('.')]
     return sorted(files, key=lambda file: natural_key(file.name))
 
 

@@ -625,3 +625,13 @@ class TestPreprocessing:
     def test_unusable_images_are_refused(self, image, message):
         with pytest.raises(FrameError, match=message):
             Preprocessor(PreprocessingConfig()).process(image, 0)
+
+
+def test_after_a_jump_of_the_stamps_the_clusters_of_before_are_not_told_any_more():
+    pipeline, anew = MotionPipeline(), MotionPipeline()
+    for index in range(5):
+        pipeline.process(scene(index), (index + 1) * PERIOD_NS)
+    assert pipeline.neurons > 0
+    pipeline.process(scene(5), 3600 * 10**9)
+    anew.process(scene(5), 3600 * 10**9)
+    assert (pipeline.neurons, pipeline.tuned) == (anew.neurons, anew.tuned)

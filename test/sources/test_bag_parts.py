@@ -83,3 +83,12 @@ def test_a_list_of_parts_that_makes_no_sense_is_not_believed(split: Path, listed
     content = {'rosbag2_bagfile_information': {'relative_file_paths': listed}}
     (split / 'metadata.yaml').write_text(yaml.safe_dump(content))
     assert pictures_of(BagFrames(split)) == [*range(15)]
+
+
+def test_hidden_files_beside_the_parts_are_none(split: Path) -> None:
+    """macOS leaves one beside each file on a disk of another system."""
+    (split / 'metadata.yaml').unlink()
+    for name in ('._split_0.mcap', '._split_1.mcap'):
+        (split / name).write_bytes(b'\0\5\x16\7' + bytes(60))
+    source = BagFrames(split)
+    assert (pictures_of(source), source.damaged) == ([*range(15)], None)
