@@ -15,6 +15,8 @@ from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.core.settings import settings, with_settings
 
 PACKAGE = 'motion_detect_ros'
+#: The prefix of an installation is at most so many folders above: PREFIX/lib/python3.12/site-packages, or itself.
+PREFIX_LEVELS = 4
 #: Parameters of the nodes that are no settings of the perception core; a preset may hold them, offline skips them.
 NODE_PARAMETERS = frozenset({
     'autostart', 'bag', 'box_distance_m', 'camera_info_url', 'clock', 'decimation_keep', 'decimation_of', 'first_id',
@@ -30,11 +32,15 @@ def is_node_parameter(name: str) -> bool:
 
 
 def config_folders() -> Iterator[Path]:
-    """Where presets may be, nearest first: the source tree, the ament prefixes, the Python installation."""
-    yield Path(__file__).resolve().parent.parent / 'config'
+    """Where presets may be, nearest first: the source tree, the prefix that the package was installed into (that of
+    ``pip --user``, ``--prefix`` and ``--target`` too), the ament prefixes, the Python installation.
+    """
+    site = Path(__file__).resolve().parent.parent
+    yield site / 'config'
     prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-    for prefix in [*filter(None, prefixes), sys.prefix]:
-        yield Path(prefix) / 'share' / PACKAGE / 'config'
+    above = (site, *site.parents)[:PREFIX_LEVELS]
+    for prefix in dict.fromkeys([*above, *map(Path, filter(None, prefixes)), Path(sys.prefix)]):
+        yield prefix / 'share' / PACKAGE / 'config'
 
 
 def find_config(name: str) -> Path:

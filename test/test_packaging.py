@@ -91,11 +91,16 @@ class TestInstalled:
         assert [node for node in NODES if not os.access(scripts / node, os.X_OK)] == []
 
 
-def test_installed_package_finds_its_presets_away_from_the_source_tree(pip_prefix: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize('scheme', ['--target', '--prefix'])
+def test_installed_package_finds_its_presets_without_ament(scheme: str, source: Path, tmp_path: Path) -> None:
+    """``pip --user`` lays it out as ``--prefix`` does."""
+    run(sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps', '--no-build-isolation', '--no-index',
+        '--disable-pip-version-check', '--ignore-installed', scheme, tmp_path, '.', cwd=source)
+    version = f'python{sys.version_info[0]}.{sys.version_info[1]}'
+    site = tmp_path if scheme == '--target' else tmp_path / 'lib' / version / 'site-packages'
     code = 'import motion_detect_ros.presets as presets; print(presets.__file__, presets.preset_names())'
-    printed = run(sys.executable, '-c', code, cwd=tmp_path, PYTHONPATH=str(pip_prefix),
-                  AMENT_PREFIX_PATH=str(pip_prefix))
-    assert printed.startswith(str(pip_prefix))
+    printed = run(sys.executable, '-c', code, cwd=tmp_path, PYTHONPATH=str(site), AMENT_PREFIX_PATH='')
+    assert printed.startswith(str(site))
     assert "['default', 'kitti', 'report', 'visdrone']" in printed
 
 
