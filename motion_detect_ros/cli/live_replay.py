@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import motion_detect_ros
@@ -32,6 +34,21 @@ from motion_detect_ros.results.outputs import DetectionOutputs
 from motion_detect_ros.results.ownership import owned
 from motion_detect_ros.sources.bags import BagFrames, BagReader, is_bag
 from motion_detect_ros.sources.messages import COMPRESSED_IMAGE
+from motion_detect_ros.sources.raw import LOST, TopicInfo
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """An image topic of a bag.
+
+    ``images``: that were recorded; ``readable``: those that can be played; ``frame_of``: stamp, ns -> number of the
+    image in the bag, as one without an answer must not shift those after it; ``damaged``: what is wrong with the bag.
+    """
+
+    images: int
+    readable: int
+    frame_of: Mapping[int, int]
+    damaged: str | None = None
 
 
 def run_live_job(job: Job, preset: str, rate: float) -> Outcome:
@@ -55,7 +72,7 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
     if bag.exists() and not is_bag(bag):
         raise SourceError(f'{bag}: --live expects a bag; make one with the convert command')
     frames = BagFrames(bag, job.topic)
-    compressed, images = frames.topic.msgtype == COMPRESSED_IMAGE, frames.frame_count
+    recorded, compressed = read_through(bag, frames.topic), frames.topic.msgtype == COMPRESSED_IMAGE
     topics = {frames.topic.name: COMPRESSED_TOPIC if compressed else IMAGE_TOPIC}
     if frames.camera_topic:
         topics[frames.camera_topic] = CAMERA_TOPIC
@@ -63,16 +80,17 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
         topics[frames.imu_topic] = IMU_TOPIC
     given = ('rectified:=true',) if job.rectified else ()
     with LiveGraph(preset, parameters=given, compressed=compressed) as graph:
-        playback = graph.play(bag.resolve(), wanted_of(job.config, images), rate, topics)
-    summary, frame_of = live_summary(job, input_bytes, images, playback), _frame_numbers(bag, frames.topic.name)
+        playback = graph.play(bag.resolve(), wanted_of(job.config, recorded.readable), rate, topics)
+    summary = live_summary(job, input_bytes, recorded, playback)
     job.folder.mkdir(parents=True, exist_ok=True)
     with owned(job.folder):
         remove_others(job.folder, (CSV_NAME, BAG_NAME))
         (job.folder / SUMMARY_NAME).unlink(missing_ok=True)
         with DetectionOutputs(job.folder, str(bag)) as outputs:
             for message in playback.received:
-                if message.stamp_ns in frame_of:
-                    outputs.write(FrameDetections(frame_of[message.stamp_ns], message.stamp_ns, message.records))
+                if message.stamp_ns in recorded.frame_of:
+                    frame = recorded.frame_of[message.stamp_ns]
+                    outputs.write(FrameDetections(frame, message.stamp_ns, message.records))
         write_live_summary(job.folder, summary)
     return summary
 
@@ -83,24 +101,32 @@ def wanted_of(config: PipelineConfig, images: int) -> int:
     return sum(decimation.keep_next() for _ in range(images))
 
 
-def _frame_numbers(bag: Path, topic: str) -> dict[int, int]:
-    """Stamp -> number of the image in the bag: an image without answer must not shift those after it."""
-    numbers: dict[int, int] = {}
+def read_through(bag: Path, topic: TopicInfo) -> Recorded:
+    """What a bag holds of an image topic: damage inside it shows only once it is read.
+
+    Raises: SourceError where not one image can be read.
+    """
+    readable, frame_of = 0, dict[int, int]()
     with BagReader(bag) as reader:
-        for number, message in enumerate(reader.messages([topic])):
+        images = (message for message in reader.messages([topic.name]) if message.msgtype == topic.msgtype)
+        for number, message in enumerate(images):
+            readable += message.data != LOST
             with contextlib.suppress(MessageError):
-                numbers.setdefault(header_stamp_ns(message.data), number)
-    return numbers
+                frame_of.setdefault(header_stamp_ns(message.data), number)
+        if not readable:
+            raise SourceError(f'{bag}: expected images on {topic.name}, found none that can be read'
+                              + (f'; {reader.damaged}' if reader.damaged else ''))
+        return Recorded(topic.count, readable, frame_of, reader.damaged)
 
 
-def live_summary(job: Job, input_bytes: int | None, images: int, playback: Playback) -> LiveSummary:
-    """What came of a bag of so many images."""
+def live_summary(job: Job, input_bytes: int | None, recorded: Recorded, playback: Playback) -> LiveSummary:
+    """What came of a bag."""
     latencies = spread([message.latency_ms for message in playback.received])
     detections = [message.records for message in playback.received]
     return LiveSummary(
         input=job.path, input_bytes=input_bytes, topic=job.topic, rectified=job.rectified,
-        version=motion_detect_ros.__version__, frames=images, source_frames=images,
-        wanted=wanted_of(job.config, images), answered=len(playback.received),
+        version=motion_detect_ros.__version__, damaged=recorded.damaged, frames=recorded.images,
+        source_frames=recorded.images, wanted=wanted_of(job.config, recorded.readable), answered=len(playback.received),
         detections=sum(len(records) for records in detections),
         objects=len({int(number) for records in detections for number in records['id']}),
         latency_ms={name: round(value, 3) if math.isfinite(value) else None  # JSON has no NaN

@@ -19,8 +19,9 @@ LATENCIES = 'p50', 'p95', 'p99'
 class LiveSummary:
     """The fields are those of summary.json, those of ``Summary`` where they have the same name.
 
-    ``frames``: images of the bag; ``wanted``: those of them that were to be answered, None for all; ``answered``: those
-    that were; ``latency_ms``: from image to detections, None without answers.
+    ``damaged``: what is wrong with the bag; ``frames``: images of the bag; ``wanted``: those of them that were to be
+    answered, None for all; ``answered``: those that were; ``latency_ms``: from image to detections, None without
+    answers.
     """
 
     input: str
@@ -29,6 +30,7 @@ class LiveSummary:
     rectified: bool = False
     version: str
     live: bool = True
+    damaged: str | None = None
     frames: int
     source_frames: int
     wanted: int | None = None
@@ -48,11 +50,12 @@ class LiveSummary:
         """It in a few words, for the user."""
         median, p95 = (self.latency_ms[name] for name in LATENCIES[:2])
         latency = '' if median is None else f', latency {median:.0f} ms median, {p95:.0f} ms p95'
-        return f'{self.frames} images, {self.answered} answers{latency}'
+        damage = f'; {self.damaged}' if self.damaged else ''
+        return f'{self.frames} images, {self.answered} answers{latency}{damage}'
 
 
 _TYPES: dict[str, tuple[type, ...]] = {
-    **dict.fromkeys(('input', 'version'), (str,)), 'topic': (str, NoneType),
+    **dict.fromkeys(('input', 'version'), (str,)), **dict.fromkeys(('topic', 'damaged'), (str, NoneType)),
     **dict.fromkeys(('live', 'rectified'), (bool,)),
     **dict.fromkeys(('frames', 'source_frames', 'answered', 'detections', 'objects'), (int,)),
     **dict.fromkeys(('input_bytes', 'wanted'), (int, NoneType)), **dict.fromkeys(('latency_ms', 'settings'), (dict,))}

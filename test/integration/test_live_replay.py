@@ -168,3 +168,53 @@ def test_a_live_replay_is_as_one_in_process_to_whom_comes_after(
     csv_only = ['replay', inputs[1], '-o', str(tmp_path / 'live'), '--force', '--no-report', '--formats', 'csv']
     assert main(csv_only) == 0
     assert not (tmp_path / 'live' / 'detections.mcap').exists(), 'of another replay'
+
+
+def test_a_damaged_bag_is_partial_and_finished_as_offline(
+    patient: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+):
+    """One is cut off, the other has lost a chunk in its midst, whose image nobody can answer."""
+    for name in ('cut', 'hole'):
+        with BagWriter(tmp_path / f'{name}.mcap', compress=False, chunk_bytes=100_000) as bag:  # a chunk an image
+            for index in range(FRAMES):
+                bag.write_image(scene(index), (index + 1) * PERIOD_NS)
+    content = (tmp_path / 'cut.mcap').read_bytes()
+    (tmp_path / 'cut.mcap').write_bytes(content[:int(0.8 * len(content))])
+    at = content.index(scene(BROKEN).tobytes())
+    (tmp_path / 'hole.mcap').write_bytes(content[:at] + bytes(1000) + content[at + 1000:])
+    inputs, out = [str(tmp_path / f'{name}.mcap') for name in ('cut', 'hole')], tmp_path / 'live'
+    assert main(['replay', *inputs, *patient, '--no-report', '-o', str(tmp_path / 'offline')]) == 3
+    capsys.readouterr()
+
+    words = ['replay', *inputs, *patient, '--live', '-o', str(out)]
+    assert main(words) == 3
+    lines = capsys.readouterr().out.splitlines()[:2]
+    for name, line in zip(('cut', 'hole'), lines, strict=True):
+        live, offline = (json.loads((tmp_path / run / name / 'summary.json').read_text())
+                         for run in ('live', 'offline'))
+        assert live['damaged'] == offline['damaged']
+        assert (live['answered'], live['source_frames']) == (offline['frames'], offline['source_frames'])
+        assert line.startswith(f'{out}/{name}: {live["frames"]} images, {live["answered"]} answers, latency ')
+        assert line.endswith(f'; {live["damaged"]}')
+        assert rows(out / name) == rows(tmp_path / 'offline' / name)
+    assert lines[0].endswith('; cut.mcap: the end is missing (recording was cut off)')
+    assert lines[1].endswith('; hole.mcap: 1 unreadable chunk(s) skipped, 1 of 25 messages missing')
+    assert [entry['state'] for entry in json.loads((out / 'replay.json').read_text())['inputs']] == ['partial'] * 2
+    assert main(words) == 3
+    assert capsys.readouterr().out.splitlines()[:2] == [f'{line} (finished earlier)' for line in lines]
+    assert main([*words[:1], inputs[0], *words[3:-1], str(out / 'cut')]) == 3, 'one input by itself'
+
+
+def test_a_bag_without_an_image_that_can_be_read_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    bag = tmp_path / 'a.mcap'
+    with BagWriter(bag, compress=False) as writer:  # all in one chunk
+        for index in range(3):
+            writer.write_image(scene(index), (index + 1) * PERIOD_NS)
+    content, pixels = bag.read_bytes(), scene(0).tobytes()
+    at = content.index(pixels)
+    bag.write_bytes(content[:at] + bytes(len(pixels)) + content[at + len(pixels):])
+    assert main(['replay', str(bag), '--live', '-o', str(tmp_path / 'o')]) == 2
+    assert capsys.readouterr().err == (
+        f'error: {bag}: expected images on /image_raw, found none that can be read; a.mcap: 1 unreadable chunk(s) '
+        'skipped, 3 of 3 messages missing\n')
+    assert not (tmp_path / 'o').exists()

@@ -72,6 +72,7 @@ def test_a_missing_field_is_seen(name: str) -> None:
 def test_the_summary_of_a_live_replay_is_valid_too() -> None:
     assert errors(LIVE) == []
     assert errors({**LIVE, 'answered': None}) == ["None is not of type 'integer'"]
+    assert errors({**LIVE, 'damaged': 7}) == ["7 is not of type 'string', 'null'"]
     assert set(SCHEMA['$defs']['live']['properties']) == {field.name for field in fields(LiveSummary)}
 
 
@@ -79,24 +80,25 @@ def test_an_earlier_summary_of_a_live_replay_is_read(tmp_path: Path) -> None:
     (tmp_path / 'summary.json').write_text(json.dumps(LIVE))
     read = read_live_summary(tmp_path)
     assert (read.input, read.answered, read.input_bytes, read.latency_ms) == ('a.mcap', 0, None, LIVE['latency_ms'])
-    for name, value in (('answered', None), ('latency_ms', {'p50': 1}), ('input', 7)):
+    assert read.damaged is None
+    for name, value in (('answered', None), ('latency_ms', {'p50': 1}), ('input', 7), ('damaged', 7)):
         (tmp_path / 'summary.json').write_text(json.dumps({**LIVE, name: value}))
         with pytest.raises(SourceError, match=r'summary\.json: expected the summary of replay --live, got \w+Error: '):
             read_live_summary(tmp_path)
 
 
-@pytest.mark.parametrize('answers', [0, 2])
-def test_so_it_is_as_written(answers: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(('answers', 'damaged'), [(0, None), (2, None), (2, 'a.mcap: the end is missing')])
+def test_so_it_is_as_written(answers: int, damaged: str | None, tmp_path: Path) -> None:
     """Without answers there is no latency, which JSON cannot say as NaN."""
     pytest.importorskip('rclpy', reason='ROS 2 is not installed')
     from motion_detect_ros.cli.batch.jobs import Job
     from motion_detect_ros.cli.live import Playback
-    from motion_detect_ros.cli.live_replay import live_summary
+    from motion_detect_ros.cli.live_replay import Recorded, live_summary
     from motion_detect_ros.cli.planner import Received
     received = tuple(Received(number, detections((7, 1, 2, 3, 4, 0.5)), 20.0) for number in range(answers))
     job = Job('a.mcap', tmp_path, PipelineConfig())
-    write_live_summary(tmp_path, live_summary(job, None, 2, Playback(received, 2, 1.0)))
+    write_live_summary(tmp_path, live_summary(job, None, Recorded(2, 2, {}, damaged), Playback(received, 2, 1.0)))
     content = json.loads((tmp_path / 'summary.json').read_text(), parse_constant=pytest.fail)
     assert errors(content) == []
-    assert content['objects'] == min(answers, 1)
+    assert (content['objects'], content['damaged']) == (min(answers, 1), damaged)
     assert content['latency_ms'] == dict.fromkeys(('p50', 'p95', 'p99'), 20.0 if answers else None)

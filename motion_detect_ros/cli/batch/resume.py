@@ -58,7 +58,7 @@ def sort_out(jobs: Sequence[Job], force: bool, live: bool = False) -> tuple[dict
 
 def outcome_of_live(folder: Path, summary: LiveSummary) -> Outcome:
     """What the summary of a live replay says, in one line."""
-    return Outcome(OK if summary.complete else PARTIAL, f'{folder}: {summary.line}')
+    return Outcome(OK if summary.complete and not summary.damaged else PARTIAL, f'{folder}: {summary.line}')
 
 
 def look(job: Job, live: bool = False) -> Found:
