@@ -76,8 +76,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:  # no space left, device gone
         print(f'error: {error}; what was written so far is kept in the .part files', file=sys.stderr)
         return PARTIAL
-    except KeyboardInterrupt:
-        print('interrupted; what was written so far is kept in the .part files', file=sys.stderr)
+    except KeyboardInterrupt as interrupt:  # may say what is kept
+        kept = str(interrupt) or 'what was written so far is kept in the .part files'
+        print(f'interrupted; {kept}', file=sys.stderr)
         return PARTIAL
 
 

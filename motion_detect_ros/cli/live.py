@@ -22,6 +22,7 @@ from motion_detect_ros.bridge.qos import CLOCK_DEPTH
 from motion_detect_ros.bridge.serialized import header_stamp_ns
 from motion_detect_ros.bridge.transport import environment
 from motion_detect_ros.cli.domains import own_domain
+from motion_detect_ros.cli.interrupts import held_back
 from motion_detect_ros.cli.planner import Planner, Received
 from motion_detect_ros.core.errors import MessageError, SourceError
 from motion_detect_ros.presets import preset_path
@@ -74,6 +75,7 @@ class LiveGraph:
             **environment(), 'ROS_DOMAIN_ID': str(self._domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
             'ROS_HOME': str(self._log)}
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._started: list[subprocess.Popen[bytes]] = []
         self.exit_codes: dict[str, int] = {}
 
     def __enter__(self) -> LiveGraph:
@@ -122,10 +124,17 @@ class LiveGraph:
         process = self._spawn('bag_player', player)
         try:
             self._await_end(process, images)
+        except BaseException:  # Ctrl-C, maybe for this process only: nobody hears the rest
+            process.send_signal(signal.SIGINT)
+            raise
         finally:
             _end(process)
-        heard = sorted(self.planner.received, key=lambda message: message.stamp_ns)
-        return Playback(tuple(heard), self.planner.published, time.monotonic() - start)
+        return Playback(self.heard, self.planner.published, time.monotonic() - start)
+
+    @property
+    def heard(self) -> tuple[Received, ...]:
+        """What the planner has heard of the bag so far, sorted by stamp."""
+        return tuple(sorted(self.planner.received, key=lambda message: message.stamp_ns))
 
     def _await_end(self, process: subprocess.Popen[bytes], images: int) -> None:
         """Until all answers are there, or none has come for a while after the player ended."""
@@ -141,8 +150,10 @@ class LiveGraph:
 
     def _spawn(self, node: str, parameters: list[str]) -> subprocess.Popen[bytes]:
         command = [sys.executable, '-m', f'motion_detect_ros.nodes.{node}', '--ros-args', *parameters]
-        with (self._log / f'{node}.txt').open('wb') as log:
-            return subprocess.Popen(command, env=self._environment, stdout=log, stderr=subprocess.STDOUT)
+        with (self._log / f'{node}.txt').open('wb') as log, held_back():
+            process = subprocess.Popen(command, env=self._environment, stdout=log, stderr=subprocess.STDOUT)
+            self._started.append(process)
+        return process
 
     def _await(self, condition: Any) -> None:
         deadline = time.monotonic() + START_TIMEOUT_S
@@ -158,9 +169,14 @@ class LiveGraph:
                 raise SourceError(f'{node}: ended with exit code {process.poll()}: {self.output(node).strip()}')
 
     def _stop(self) -> None:
-        for process in self._processes.values():
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
+        for process in self._started:
+            process.send_signal(signal.SIGINT)
+        try:
+            for process in self._started:
+                _end(process)
+        finally:  # after a second Ctrl-C none is waited for
+            for process in self._started:
+                process.kill()
         self.exit_codes = {node: _end(process) for node, process in self._processes.items()}
         if not any(self.exit_codes.values()):  # what a failed node has printed stays to be read
             shutil.rmtree(self._log, ignore_errors=True)

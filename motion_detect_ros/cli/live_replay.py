@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,16 +19,16 @@ from motion_detect_ros.cli.live import (
     IMAGE_TOPIC,
     IMU_TOPIC,
     LiveGraph,
-    Playback,
     spread,
 )
+from motion_detect_ros.cli.planner import Received
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import MessageError, MotionDetectError, SourceError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.results.detection_writer import FrameDetections
 from motion_detect_ros.results.files import BAG_NAME, CSV_NAME, SUMMARY_NAME
-from motion_detect_ros.results.formats import remove_others
+from motion_detect_ros.results.formats import clear
 from motion_detect_ros.results.live_summary import LATENCIES, LiveSummary, write_live_summary
 from motion_detect_ros.results.outputs import DetectionOutputs
 from motion_detect_ros.results.ownership import owned
@@ -66,7 +66,8 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
     are not asked for an answer. preset: what the settings of the job were read from.
 
     Writes the same detections.csv and detections.mcap as the replay in process; summary.json holds counts and
-    latencies from image to detections. Raises: SourceError for an input that is no bag, or none with such images.
+    latencies from image to detections. Raises: SourceError for an input that is no bag, or none with such images;
+    KeyboardInterrupt, after what was answered until then is in the ``.part`` files.
     """
     bag, input_bytes = Path(job.path), size_of(job.path)
     if bag.exists() and not is_bag(bag):
@@ -79,20 +80,43 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
     if job.config.imu.use and frames.imu_topic:
         topics[frames.imu_topic] = IMU_TOPIC
     given = ('rectified:=true',) if job.rectified else ()
-    with LiveGraph(preset, parameters=given, compressed=compressed) as graph:
-        playback = graph.play(bag.resolve(), wanted_of(job.config, recorded.readable), rate, topics)
-    summary = live_summary(job, input_bytes, recorded, playback)
-    job.folder.mkdir(parents=True, exist_ok=True)
-    with owned(job.folder):
-        remove_others(job.folder, (CSV_NAME, BAG_NAME))
-        (job.folder / SUMMARY_NAME).unlink(missing_ok=True)
-        with DetectionOutputs(job.folder, str(bag)) as outputs:
-            for message in playback.received:
-                if message.stamp_ns in recorded.frame_of:
-                    frame = recorded.frame_of[message.stamp_ns]
-                    outputs.write(FrameDetections(frame, message.stamp_ns, message.records))
-        write_live_summary(job.folder, summary)
+    heard, stopped = tuple[Received, ...](), False
+    try:
+        with LiveGraph(preset, parameters=given, compressed=compressed) as graph:
+            try:
+                graph.play(bag.resolve(), wanted_of(job.config, recorded.readable), rate, topics)
+            finally:
+                heard = graph.heard
+    except KeyboardInterrupt:
+        if not heard:
+            raise KeyboardInterrupt(f'{job.folder}: no image was answered yet, nothing was written') from None
+        stopped = True
+    summary = live_summary(job, input_bytes, recorded, heard)
+    _write(job, summary, recorded.frame_of, heard, stopped)
     return summary
+
+
+def _write(
+    job: Job, summary: LiveSummary, frame_of: Mapping[int, int], heard: Sequence[Received], stopped: bool,
+) -> None:
+    """Summary and detections. Raises: KeyboardInterrupt where ``stopped``; the detections stay in ``.part`` files then,
+    by which the next run knows that it is to be done anew.
+    """
+    try:
+        job.folder.mkdir(parents=True, exist_ok=True)
+        with owned(job.folder):
+            clear(job.folder, (CSV_NAME, BAG_NAME, SUMMARY_NAME))
+            write_live_summary(job.folder, summary)
+            with DetectionOutputs(job.folder, job.path) as outputs:
+                for message in heard:
+                    if message.stamp_ns in frame_of:
+                        outputs.write(FrameDetections(frame_of[message.stamp_ns], message.stamp_ns, message.records))
+                if stopped:
+                    raise KeyboardInterrupt
+    except (MotionDetectError, OSError) as error:
+        if stopped:  # the other inputs are not to be played all the same
+            raise KeyboardInterrupt(str(error)) from None
+        raise
 
 
 def wanted_of(config: PipelineConfig, images: int) -> int:
@@ -119,14 +143,14 @@ def read_through(bag: Path, topic: TopicInfo) -> Recorded:
         return Recorded(topic.count, readable, frame_of, reader.damaged)
 
 
-def live_summary(job: Job, input_bytes: int | None, recorded: Recorded, playback: Playback) -> LiveSummary:
-    """What came of a bag."""
-    latencies = spread([message.latency_ms for message in playback.received])
-    detections = [message.records for message in playback.received]
+def live_summary(job: Job, input_bytes: int | None, recorded: Recorded, heard: Sequence[Received]) -> LiveSummary:
+    """What came of a bag. heard: its answers."""
+    latencies = spread([message.latency_ms for message in heard])
+    detections = [message.records for message in heard]
     return LiveSummary(
         input=job.path, input_bytes=input_bytes, topic=job.topic, rectified=job.rectified,
         version=motion_detect_ros.__version__, damaged=recorded.damaged, frames=recorded.images,
-        source_frames=recorded.images, wanted=wanted_of(job.config, recorded.readable), answered=len(playback.received),
+        source_frames=recorded.images, wanted=wanted_of(job.config, recorded.readable), answered=len(heard),
         detections=sum(len(records) for records in detections),
         objects=len({int(number) for records in detections for number in records['id']}),
         latency_ms={name: round(value, 3) if math.isfinite(value) else None  # JSON has no NaN

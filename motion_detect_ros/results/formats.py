@@ -75,6 +75,14 @@ def output_files(folder: Path) -> tuple[Path, ...]:
     return *files, *map(part_of, files)
 
 
+def clear(folder: Path, names: Sequence[str]) -> None:
+    """Make room for the outputs ``names``: remove those of earlier replays, finished or not. Raises: OSError."""
+    remove_others(folder, names)
+    for file in (folder / name for name in names):
+        file.unlink(missing_ok=True)
+        part_of(file).unlink(missing_ok=True)
+
+
 def remove_others(folder: Path, names: Sequence[str]) -> None:
     """Remove what an earlier replay left besides ``names``: its outputs, by its summary, and the report of them.
 

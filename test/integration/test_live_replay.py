@@ -4,6 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -11,12 +17,14 @@ import numpy as np
 import pytest
 import yaml
 from bag_contents import contents
-from peers import PATIENT
-from test_nodes import PERIOD_NS, broken_image, scene
+from peers import PATIENT, TIMEOUT_S
+from test_nodes import PERIOD_NS, broken_image, peer_here, scene, write_scene
 
 from motion_detect_ros.__main__ import main
+from motion_detect_ros.bridge import topics
+from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.types import DETECTION_DTYPE, CameraModel
-from motion_detect_ros.sources.bags import BagWriter
+from motion_detect_ros.sources.bags import BagReader, BagWriter
 from motion_detect_ros.sources.messages import COMPRESSED_IMAGE, IMAGE, header, make, serialize
 
 FRAMES = 25
@@ -218,3 +226,71 @@ def test_a_bag_without_an_image_that_can_be_read_is_one_line(tmp_path: Path, cap
         f'error: {bag}: expected images on /image_raw, found none that can be read; a.mcap: 1 unreadable chunk(s) '
         'skipped, 3 of 3 messages missing\n')
     assert not (tmp_path / 'o').exists()
+
+
+def live_process(*words: str) -> subprocess.Popen[str]:
+    """``replay --live`` as a process with a group of its own, in the domain of this one."""
+    command = [sys.executable, '-m', 'motion_detect_ros', 'replay', '--live', *words]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+                            env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain())})
+
+
+def assert_nobody_left(group: int) -> None:
+    with pytest.raises(ProcessLookupError):
+        os.killpg(group, 0)
+
+
+def test_an_interrupted_playback_keeps_its_answers_and_is_played_anew(
+    patient: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+):
+    """SIGINT to the one process, as ``kill -INT`` sends it: the player must be told, and not play on."""
+    bags, out, frames = tmp_path / 'bags', tmp_path / 'out', 60
+    bags.mkdir()
+    for name in 'ab':
+        write_scene(bags / f'{name}.mcap', frames)
+    with peer_here() as peer:
+        answers = peer.subscribe(topics.DETECTIONS.kind, '/detections')
+        running = live_process(str(bags), *patient, '-o', str(out))
+        assert peer.until(lambda: len(answers) > 5 or running.poll() is not None)
+        running.send_signal(signal.SIGINT)
+        assert peer.until(lambda: running.poll() is not None)
+    stdout, stderr = running.communicate()
+    assert (running.returncode, stdout, stderr) == (
+        3, '', 'interrupted; what was written so far is kept in the .part files\n')
+    assert_nobody_left(running.pid)
+    assert len(answers) < frames
+    summary = json.loads((out / 'a' / 'summary.json').read_text())
+    with BagReader(out / 'a' / 'detections.mcap.part') as reader:
+        assert 1 < len([*reader.messages(['/detections'])]) == summary['answered'] < summary['frames'] == frames
+        assert reader.damaged is None
+    assert sorted(path.name for path in (out / 'a').iterdir()) == [
+        'detections.csv.part', 'detections.mcap.part', 'summary.json']
+    assert not (out / 'b').exists(), 'none is played after it'
+    assert [entry['state'] for entry in json.loads((out / 'replay.json').read_text())['inputs']] == ['partial'] * 2
+
+    write_scene(bags / 'b.mcap', FRAMES)
+    assert main(['replay', '--live', str(bags), *patient, '-o', str(out)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == f'{out}/a: incomplete, done anew'
+    assert lines[1].startswith(f'{out}/a: {frames} images, {frames} answers')
+    assert sorted(path.name for path in (out / 'a').iterdir()) == ['detections.csv', 'detections.mcap', 'summary.json']
+
+
+@pytest.mark.parametrize('send', [os.kill, os.killpg])
+def test_an_interrupt_while_the_nodes_start_writes_nothing_and_says_so(
+    send: Callable[[int, signal.Signals], None], tmp_path: Path,
+):
+    """To the one process, and to its group, as a terminal sends it."""
+    write_scene(tmp_path / 'a.mcap', FRAMES)
+    running = live_process(str(tmp_path / 'a.mcap'), '-o', str(tmp_path / 'out'))
+    children, deadline = Path(f'/proc/{running.pid}/task/{running.pid}/children'), time.monotonic() + TIMEOUT_S
+    while not children.read_text():
+        assert time.monotonic() < deadline
+        assert running.poll() is None
+        time.sleep(0.01)
+    send(running.pid, signal.SIGINT)
+    _, stderr = running.communicate(timeout=TIMEOUT_S)
+    assert (running.returncode, stderr) == (
+        3, f'interrupted; {tmp_path}/out: no image was answered yet, nothing was written\n')
+    assert_nobody_left(running.pid)
+    assert not (tmp_path / 'out').exists()

@@ -92,12 +92,11 @@ def test_so_it_is_as_written(answers: int, damaged: str | None, tmp_path: Path) 
     """Without answers there is no latency, which JSON cannot say as NaN."""
     pytest.importorskip('rclpy', reason='ROS 2 is not installed')
     from motion_detect_ros.cli.batch.jobs import Job
-    from motion_detect_ros.cli.live import Playback
     from motion_detect_ros.cli.live_replay import Recorded, live_summary
     from motion_detect_ros.cli.planner import Received
     received = tuple(Received(number, detections((7, 1, 2, 3, 4, 0.5)), 20.0) for number in range(answers))
     job = Job('a.mcap', tmp_path, PipelineConfig())
-    write_live_summary(tmp_path, live_summary(job, None, Recorded(2, 2, {}, damaged), Playback(received, 2, 1.0)))
+    write_live_summary(tmp_path, live_summary(job, None, Recorded(2, 2, {}, damaged), received))
     content = json.loads((tmp_path / 'summary.json').read_text(), parse_constant=pytest.fail)
     assert errors(content) == []
     assert (content['objects'], content['damaged']) == (min(answers, 1), damaged)

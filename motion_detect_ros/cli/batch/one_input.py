@@ -36,7 +36,7 @@ from motion_detect_ros.core.stamp_order import StampOrder
 from motion_detect_ros.core.threads import use
 from motion_detect_ros.core.types import ByteArray, Result
 from motion_detect_ros.report.make import report_after_replay
-from motion_detect_ros.results.formats import output_names, remove_others
+from motion_detect_ros.results.formats import clear, output_names
 from motion_detect_ros.results.outputs import ReplayOutputs
 from motion_detect_ros.results.ownership import BusyError, owned
 from motion_detect_ros.results.summary import Percentiles, Summary, write_summary
@@ -45,7 +45,6 @@ from motion_detect_ros.sources.ahead import Ahead
 from motion_detect_ros.sources.frames import FrameSource, SourceFrame
 from motion_detect_ros.sources.inertial import GyroReplay, InertialSource
 from motion_detect_ros.sources.opening import open_source
-from motion_detect_ros.sources.part_file import part_of
 
 
 def run_job(job: Job, watch: Watch = lambda done, total: None) -> Outcome:
@@ -221,11 +220,7 @@ def _timed(source: FrameSource, path: str, tally: Tally) -> Iterator[TimedFrame]
 
 def _begin(job: Job, summary: Summary) -> None:
     """Empty the folder of earlier results, and leave a summary that says for what they were begun. Raises: OSError."""
-    names = output_names(job.formats)
-    remove_others(job.folder, names)
-    for name in names:
-        for file in (job.folder / name, part_of(job.folder / name)):
-            file.unlink(missing_ok=True)
+    clear(job.folder, output_names(job.formats))
     write_summary(job.folder, summary)
 
 

@@ -25,6 +25,20 @@ except KeyboardInterrupt:
     print('closed')
 """
 
+#: A process of our own that is started when a signal comes.
+_HELD = """
+import os, signal
+from motion_detect_ros.cli.interrupts import held_back, interrupt_once
+interrupt_once(signal.SIGTERM, signal.SIGHUP)
+try:
+    with held_back():
+        os.kill(os.getpid(), signal.{first})
+        print('made')
+    print('not interrupted')
+except KeyboardInterrupt:
+    print('interrupted')
+"""
+
 
 @pytest.mark.parametrize(('first', 'second'), [
     ('SIGTERM', 'SIGTERM'), ('SIGTERM', 'SIGHUP'), ('SIGHUP', 'SIGTERM'), ('SIGHUP', 'SIGHUP')])
@@ -32,6 +46,13 @@ def test_a_second_signal_does_not_end_the_closing_of_files(first: str, second: s
     done = subprocess.run([sys.executable, '-c', _TWICE.format(first=first, second=second)], capture_output=True,
                           text=True, timeout=PATIENCE_S, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, 'closed\n', '')
+
+
+@pytest.mark.parametrize('first', ['SIGINT', 'SIGTERM', 'SIGHUP'])
+def test_a_signal_waits_until_what_is_made_is_known(first: str):
+    done = subprocess.run([sys.executable, '-c', _HELD.format(first=first)], capture_output=True, text=True,
+                          timeout=PATIENCE_S, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, 'made\ninterrupted\n', '')
 
 
 def test_a_terminal_that_is_closed_closes_the_files(tmp_path: Path):
