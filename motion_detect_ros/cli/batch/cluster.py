@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import logging
 import platform
@@ -34,6 +35,7 @@ LOOK_S = 1.0
 #: How long a job waits for a folder that another process writes: longer than a file server keeps the locks of a machine
 #: that has gone (NFS 4: 90 s).
 FREE_S = 120.0
+_EXPECTED = 'expected the address of a Dask scheduler (tcp://HOST:8786) or the file that it wrote'
 TOPIC = 'motion_detect_ros.replay'
 
 
@@ -131,14 +133,32 @@ def _connect(distributed: Any, scheduler: str) -> Any:
     """A client. Raises: SourceError where no scheduler answers."""
     for name in ('distributed', 'distributed.client'):  # what matters is said in one line
         logging.getLogger(name).setLevel(logging.CRITICAL)
+    address = _address_of(scheduler)
     try:
-        if Path(scheduler).is_file():
-            return distributed.Client(scheduler_file=scheduler, timeout=CONNECT_S, set_as_default=False)
-        return distributed.Client(scheduler, timeout=CONNECT_S, set_as_default=False)
-    except (OSError, ValueError, KeyError) as error:
-        reason = ' '.join(str(error).split())
-        raise SourceError(
-            f'--scheduler {scheduler}: expected the address of a Dask scheduler (tcp://HOST:8786): {reason}') from None
+        return distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+    except Exception as error:  # whatever Dask makes of an address that is none, or of what answers there
+        reason = ' '.join(str(error).split()) or type(error).__name__
+    gc.collect()  # ends what was made of a client; when Python ends its threads are gone, and it would wait for them
+    raise SourceError(f'--scheduler {scheduler}: {_EXPECTED}: {reason}')
+
+
+def _address_of(scheduler: str) -> str:
+    """The address that is given, or that is in the file. Raises: SourceError where it is neither."""
+    try:
+        if not Path(scheduler).is_file():
+            if ':' not in scheduler:
+                raise SourceError(
+                    f'--scheduler {scheduler}: {_EXPECTED}; there is no such file, and an address has a port')
+            return scheduler
+        address = json.loads(Path(scheduler).read_text(encoding='utf-8'))['address']
+        if not isinstance(address, str):
+            raise TypeError
+    except OSError as error:
+        raise SourceError(f'--scheduler {scheduler}: cannot be read: {error.strerror}') from None
+    except (ValueError, TypeError, KeyError, RecursionError):
+        raise SourceError(f'--scheduler {scheduler}: expected the file that a Dask scheduler wrote, '
+                          'got one without its address') from None
+    return address
 
 
 def _check(client: Any, scheduler: str, lease: Path, board: Board) -> None:
