@@ -160,7 +160,8 @@ def test_a_live_replay_is_as_one_in_process_to_whom_comes_after(
     assert message.startswith(f'error: {out}/a: holds a result of something else (')
     assert message.count('\n') == 1
     assert main(['replay', inputs[1], '-o', str(out / 'a'), *patient]) == 2
-    assert capsys.readouterr().err == f'error: {out}/a/summary.json: exists; --force overwrites it\n'
+    assert capsys.readouterr().err == (
+        f'error: {out}/a: holds a result of something else (of replay --live); --force overwrites it\n')
 
     (out / 'a').rename(tmp_path / 'live')
     truth = truth_of(tmp_path / 'truth', 'a', FRAMES)

@@ -17,7 +17,7 @@ from motion_detect_ros.core.settings import settings
 from motion_detect_ros.report.make import report_after_replay
 from motion_detect_ros.results.files import BAG_NAME, CSV_NAME, REPORT_NAME, SUMMARY_NAME
 from motion_detect_ros.results.formats import output_names
-from motion_detect_ros.results.live_summary import LiveSummary, read_live_summary
+from motion_detect_ros.results.live_summary import LiveSummary, read_any_summary, read_live_summary
 from motion_detect_ros.results.ownership import is_owned
 from motion_detect_ros.results.summary import WINDOW_FIELDS, Summary, read_summary
 from motion_detect_ros.sources.bags import BagFrames
@@ -68,11 +68,11 @@ def look(job: Job, live: bool = False) -> Found:
     if not files:
         return Found.NOTHING
     try:
-        summary = read_live_summary(job.folder) if live else read_summary(job.folder)
+        summary = read_any_summary(job.folder)
     except SourceError:
         known = [file for file in files if file.name == SUMMARY_NAME] or files
         raise SourceError(f'{known[0]}: exists; --force overwrites it') from None
-    difference = next(_differences(summary, job), None)
+    difference = next(_differences(summary, job, live), None)
     if difference and summary.complete and not summary.frames:
         return Found.NOTHING  # a mistaken window: there is nothing to lose
     if difference:
@@ -95,8 +95,10 @@ def _with_report(job: Job, outcome: Outcome) -> Outcome:
     return replace(outcome, line=f'{outcome.line}; {trouble or f"{REPORT_NAME} made now"}')
 
 
-def _differences(summary: Summary | LiveSummary, job: Job) -> Iterator[str]:
+def _differences(summary: Summary | LiveSummary, job: Job, live: bool) -> Iterator[str]:
     """What of the job the summary does not say, each in a few words."""
+    if isinstance(summary, LiveSummary) != live:
+        yield 'of replay in process' if live else 'of replay --live'
     if Path(summary.input).resolve() != Path(job.path).resolve():
         yield f'input {summary.input}, now {job.path}'
     if summary.version != motion_detect_ros.__version__:
