@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 
 from motion_detect_ros.bridge.console import endpoints
 from motion_detect_ros.bridge.diagnostics import SUBSCRIBERS_OF, Condition, Reporter, StageStats
-from motion_detect_ros.bridge.params import LiveParameters, declare_simple, unknown_parameters
+from motion_detect_ros.bridge.params import LiveParameters, declare_simple, warn_of_unknown_parameters
 from motion_detect_ros.bridge.qos import best_effort, diagnostics_qos, incompatibility, overridable
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.sources.secrets import reason_of
@@ -163,9 +163,7 @@ class ManagedNode(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle: inactive from now on."""
         start_s = time.monotonic()
-        for name, close in unknown_parameters(self).items():
-            hint = f'; did you mean {close}?' if close else ''
-            self.get_logger().warning(f'parameter {name} is unknown and has no effect{hint}')
+        warn_of_unknown_parameters(self)
         self.opening = True
         result = self._attempt(self.open)
         self.opening = False

@@ -144,6 +144,13 @@ def unknown_parameters(node: Node) -> dict[str, str]:
     return {name: next(iter(get_close_matches(name, known, 1)), '') for name in unknown}
 
 
+def warn_of_unknown_parameters(node: Node) -> None:
+    """Says each of ``unknown_parameters`` on the node's console."""
+    for name, close in unknown_parameters(node).items():
+        hint = f'; did you mean {close}?' if close else ''
+        node.get_logger().warning(f'parameter {name} is unknown and has no effect{hint}')
+
+
 def _declared(node: Node, name: str, default: Scalar, descriptor: ParameterDescriptor) -> Scalar:
     try:
         return node.declare_parameter(name, default, descriptor).value

@@ -20,10 +20,12 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from motion_detect_ros.allocator import tune_malloc
+from motion_detect_ros.bridge.arguments import check_arguments, usage
 from motion_detect_ros.bridge.exit_timer import exits_after, exits_in
 from motion_detect_ros.bridge.managed_node import ManagedNode
+from motion_detect_ros.bridge.params import warn_of_unknown_parameters
 from motion_detect_ros.bridge.shared_memory import remove_dead_segments
-from motion_detect_ros.core.errors import MotionDetectError
+from motion_detect_ros.core.errors import ConfigError, MotionDetectError
 from motion_detect_ros.sources.secrets import masked
 
 #: Longest round of the executor in which nothing happens, seconds.
@@ -100,9 +102,9 @@ def _unbroken(frame: FrameType | None) -> bool:
 def run(make_node: Callable[[], ManagedNode]) -> int:
     """Spins the node until it is finished or told to stop; returns the process's exit code.
 
-    0 after SIGINT or SIGTERM or a finished job, 2 with one line on stderr for wrong parameters or input, FAILED after
-    another error, which is printed. Ends the process itself, with code FORCED at a third signal or where ending takes
-    ENDING_TIMEOUT_S, with the code above where only leaving the network takes LEAVING_TIMEOUT_S.
+    0 after SIGINT or SIGTERM or a finished job or ``--help``, 2 with one line on stderr for wrong arguments, parameters
+    or input, FAILED after another error, which is printed. Ends the process itself, with code FORCED at a third signal
+    or where ending takes ENDING_TIMEOUT_S, with the code above where only leaving the network takes LEAVING_TIMEOUT_S.
     """
     tune_malloc()
     stop, code = StopRequest(), FAILED
@@ -122,6 +124,10 @@ def run(make_node: Callable[[], ManagedNode]) -> int:
 def _run(make_node: Callable[[], ManagedNode], stop: StopRequest) -> int:
     began = False
     try:
+        if text := usage(sys.argv):
+            print(text)
+            return 0
+        check_arguments(sys.argv)
         remove_dead_segments()
         rclpy.init()
         began = True
@@ -174,9 +180,19 @@ def run_plain(make_node: Callable[[], Node]) -> None:
     out as RuntimeError. Here the signal ends the context only, and the executor returns when what it does is done.
     Ends the process itself where leaving takes LEAVING_TIMEOUT_S, and so long after the end of the program has begun.
 
-    Raises: what rclpy says of wrong --ros-args; SystemExit with code FAILED after an error of the node, which is
-    printed, before it was told to stop.
+    Names of parameters that neither it nor a node of the package knows are warned of. A program with arguments of its
+    own takes them out of ``sys.argv`` before.
+
+    Raises: SystemExit, with code 0 after ``--help``, WRONG_USE after one line on stderr for wrong arguments and
+    parameters, FAILED after another error of the node, which is printed, before it was told to stop.
     """
+    if text := usage(sys.argv):
+        print(text)
+        sys.exit(0)
+    try:
+        check_arguments(sys.argv)
+    except ConfigError as error:
+        sys.exit(_complain(error))
     signals: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: signals.append(number))
@@ -184,16 +200,19 @@ def run_plain(make_node: Callable[[], Node]) -> None:
     node, code = None, FAILED
     try:
         node = make_node()
+        warn_of_unknown_parameters(node)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         if not signals:  # one from before rclpy was there to see it has ended nothing
             spin(executor, Future())
         code = 0
-    except Exception:
-        if rclpy.ok():
-            traceback.print_exc()
-        else:
+    except Exception as error:
+        if not rclpy.ok():
             code = 0
+        elif node is None and isinstance(error, MotionDetectError | ParameterException):
+            code = _complain(error)
+        else:
+            traceback.print_exc()
     finally:
         _leave(node, code)
         atexit.register(exits_in, LEAVING_TIMEOUT_S, code)
