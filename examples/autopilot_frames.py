@@ -23,10 +23,13 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu, LaserScan, PointCloud2
 
+from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.bridge.records import read_detections, records_to_msg
 from motion_detect_ros.bridge.runner import run_plain
 
 SECTORS = 72
+#: Distances that a scan may hold, metres.
+LIMITS_M = 0.1, 100.0
 #: An attitude further away in time than this is not that of the image, seconds; how many are kept.
 NEAR_S, KEPT = 0.1, 400
 NED = np.dtype([('north', '<f4'), ('east', '<f4'), ('down', '<f4'), ('id', '<u4')])
@@ -70,8 +73,8 @@ class AutopilotFrames(Node):
 
     def __init__(self):
         super().__init__('autopilot_frames')
-        self.camera_pitch_deg = self.declare_parameter('camera_pitch_deg', 0.0).value
-        self.range_m = self.declare_parameter('range_m', 5.0).value
+        self.camera_pitch_deg = declare_simple(self, 'camera_pitch_deg', 0.0, 'below the nose', -90.0, 90.0)
+        self.range_m = declare_simple(self, 'range_m', 5.0, 'assumed distance', *LIMITS_M)
         self.attitudes = deque(maxlen=KEPT)
         self.bearings = self.create_publisher(PointCloud2, '~/bearings_ned', 5)
         self.scans = self.create_publisher(LaserScan, 'obstacles', 5)
@@ -90,8 +93,9 @@ class AutopilotFrames(Node):
         frd = optical_to_frd(np.stack([detections[f'bearing_{axis}'] for axis in 'xyz'], axis=-1),
                              self.camera_pitch_deg)
         self.scans.publish(LaserScan(
-            header=msg.header, angle_min=0.0, angle_increment=2 * math.pi / SECTORS, range_min=0.1, range_max=100.0,
-            angle_max=2 * math.pi * (SECTORS - 1) / SECTORS, ranges=sectors_of(frd, self.range_m).tolist()))
+            header=msg.header, angle_min=0.0, angle_increment=2 * math.pi / SECTORS, range_min=LIMITS_M[0],
+            range_max=LIMITS_M[1], angle_max=2 * math.pi * (SECTORS - 1) / SECTORS,
+            ranges=sectors_of(frd, self.range_m).tolist()))
         when = seconds(msg.header)
         stamp, attitude = min(self.attitudes, key=lambda one: abs(one[0] - when), default=(math.inf, None))
         if abs(stamp - when) > NEAR_S:

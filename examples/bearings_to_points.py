@@ -15,6 +15,7 @@ import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
+from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.bridge.records import read_detections, records_to_msg
 from motion_detect_ros.bridge.runner import run_plain
 
@@ -36,7 +37,7 @@ class BearingsToPoints(Node):
 
     def __init__(self):
         super().__init__('bearings_to_points')
-        self.range_m = self.declare_parameter('range_m', 5.0).value
+        self.range_m = declare_simple(self, 'range_m', 5.0, 'assumed distance', 0.1, 1000.0)
         self.publisher = self.create_publisher(PointCloud2, 'points', 5)
         self.create_subscription(PointCloud2, 'detections', self.on_detections, 5)
 

@@ -19,6 +19,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
+from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.bridge.records import read_detections, records_to_msg
 from motion_detect_ros.bridge.runner import run_plain
 
@@ -46,8 +47,8 @@ class Follower(Node):
 
     def __init__(self):
         super().__init__('follower')
-        self.gain = self.declare_parameter('gain', 1.0).value  # rad/s and m/s for each rad off the axis
-        self.target = Target(self.declare_parameter('lost_s', 1.0).value)
+        self.gain = declare_simple(self, 'gain', 1.0, 'rad/s and m/s for each rad off the axis', 0.0, 100.0)
+        self.target = Target(declare_simple(self, 'lost_s', 1.0, 'longest time out of sight', 0.0, 1000.0))
         self.targets = self.create_publisher(PointCloud2, '~/target', 5)
         self.commands = self.create_publisher(TwistStamped, 'cmd_vel', 5)
         self.create_subscription(PointCloud2, 'detections', self.on_detections, 5)

@@ -18,6 +18,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, PointCloud2
 from std_msgs.msg import String
 
+from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.bridge.records import read_detections
 from motion_detect_ros.bridge.runner import run_plain
 
@@ -47,8 +48,10 @@ class Planner(Node):
 
     def __init__(self):
         super().__init__('avoidance')
-        self.rule = {name: self.declare_parameter(name, default).value for name, default in (
-            ('horizon_s', 3.0), ('look_ahead_s', 1.0), ('corridor', 0.5))}
+        self.rule = {name: declare_simple(self, name, default, doc, low, high) for name, default, doc, low, high in (
+            ('horizon_s', 3.0, 'time to contact under which an object counts', 0.0, 60.0),
+            ('look_ahead_s', 1.0, 'time within which it will be in the corridor', 0.0, 60.0),
+            ('corridor', 0.5, 'share of the image', 0.01, 1.0))}
         self.width_px = 0
         self.suggestion = ''
         self.publisher = self.create_publisher(String, '~/suggestion', 5)

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from rosbags.highlevel import AnyReader
+from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.typesys import Stores, get_typestore
 
 #: sensor_msgs/PointField: datatype -> numpy.
@@ -27,6 +27,8 @@ def objects_in(bag, topic='detections'):
     """(stamp in ns, record) of every object, message by message; bag: MCAP file or folder of a bag."""
     with AnyReader([Path(bag)], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
         wanted = [connection for connection in reader.connections if connection.topic.lstrip('/') == topic]
+        if not wanted:
+            raise AnyReaderError(f'expected a topic {topic}, got {", ".join(sorted(reader.topics)) or "none"}')
         for connection, _, data in reader.messages(connections=wanted):
             cloud = reader.deserialize(data, connection.msgtype)
             stamp_ns = cloud.header.stamp.sec * 1_000_000_000 + cloud.header.stamp.nanosec
@@ -34,10 +36,22 @@ def objects_in(bag, topic='detections'):
                 yield stamp_ns, record
 
 
+def wrong(words):
+    """Say it and end."""
+    print(f'read_detections_mcap: {words}', file=sys.stderr)
+    sys.exit(2)
+
+
 def main():
     """One line for each object: corner and size of the box as ``evaluate`` and MOTChallenge want them."""
+    if len(sys.argv) != 2:
+        wrong(f'expected one bag, got {len(sys.argv) - 1} arguments')
+    try:
+        objects = list(objects_in(sys.argv[1]))
+    except (FileNotFoundError, AnyReaderError) as error:
+        wrong(f'{sys.argv[1]}: {error}')
     print('stamp_ns,id,x,y,w,h,score')
-    for stamp_ns, one in objects_in(sys.argv[1]):
+    for stamp_ns, one in objects:
         left, top = one['u'] - one['width'] / 2, one['v'] - one['height'] / 2
         print(f'{stamp_ns},{one["id"]},{left:.2f},{top:.2f},{one["width"]:.2f},{one["height"]:.2f},{one["score"]:.4f}')
 

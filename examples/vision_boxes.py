@@ -6,6 +6,7 @@
 ``vision_msgs/Detection2DArray`` has no velocity, no time to contact and no bearing: those are in ``detections``.
 """
 
+import sys
 from contextlib import suppress
 
 import rclpy
@@ -29,7 +30,11 @@ def show(msg):
 
 def main():
     """Until Ctrl-C."""
-    from vision_msgs.msg import Detection2DArray
+    try:
+        from vision_msgs.msg import Detection2DArray
+    except ImportError:
+        print('vision_boxes: expected the package vision_msgs: sudo apt install ros-jazzy-vision-msgs', file=sys.stderr)
+        sys.exit(2)
     rclpy.init()
     node = Node('vision_boxes')
     node.create_subscription(Detection2DArray, 'detections_2d', show, 5)

@@ -12,8 +12,10 @@ from __future__ import annotations
 from geometry_msgs.msg import Twist
 from rclpy.node import Node
 
+from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.bridge.runner import run_plain
 from motion_detect_ros.bridge.watchdog import Watchdog
+from motion_detect_ros.core.errors import ConfigError
 
 PERIOD_S = 0.05
 
@@ -23,9 +25,12 @@ class Guard(Node):
 
     def __init__(self) -> None:
         super().__init__('watchdog')
-        stages = str(self.declare_parameter('stages', '/pipeline').value)
-        silence_s = float(self.declare_parameter('detections_s', 0.5).value)
-        self._watchdog = Watchdog(self, [name.strip() for name in stages.split(',')], silence_s)
+        stages = str(declare_simple(self, 'stages', '/pipeline', 'nodes that must be well, separated by commas'))
+        silence_s = float(declare_simple(self, 'detections_s', 0.5, 'longest silence on detections', 0.01, 60.0))
+        names = [name.strip() for name in stages.split(',')]
+        if not all(name.startswith('/') for name in names):
+            raise ConfigError(f'parameter stages: expected full names of nodes, such as /pipeline, got {stages!r}')
+        self._watchdog = Watchdog(self, names, silence_s)
         self._trouble = ''
         self._commands = self.create_publisher(Twist, 'cmd_vel', 1)
         self.create_subscription(Twist, 'cmd_vel_in', self._on_command, 1)
