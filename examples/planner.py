@@ -8,8 +8,9 @@ publishes ``~/suggestion`` (std_msgs/String), one for each image.
 The rule: an object counts when its time to contact is under ``horizon_s`` and it is, or within ``look_ahead_s`` will
 be, in the corridor: the middle ``corridor`` of the image. Objects that will be on one side only are passed on the other
 side; one in the middle, or some on both sides, mean stop. Time to contact is known for objects of about 60 px and more,
-and it is an estimate: over the built-in flight, where nothing comes closer, one image in seven suggests a side-step.
-Slow down on a suggestion rather than trust a single one, and keep away from people by other means.
+and it is an estimate: over the built-in flight, where no true one is under 3.9 s, 7 of the 120 images suggest a
+side-step all the same, with preset default as with visdrone. Slow down on a suggestion rather than trust a single one,
+and keep away from people by other means.
 """
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import math
+import re
 import subprocess
 import sys
 from itertools import groupby, pairwise
@@ -18,10 +19,12 @@ from scipy.spatial.transform import Rotation
 
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.records import read_detections, records_from_msg
+from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.types import RecordArray, empty_detections
+from motion_detect_ros.presets import load_preset
 from motion_detect_ros.sources.bags import BagReader
 from motion_detect_ros.sources.messages import IMAGE, deserialize
-from motion_detect_ros.sources.synthetic import SyntheticFlight
+from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
 from motion_detect_ros.sources.synthetic.camera_path import CameraPath
 
 WIDTH_PX = 960
@@ -93,10 +96,26 @@ class TestPlanner:
         assert suggestions.count('left') <= (true_ttc_s < HORIZON_S + 0.3).sum()
 
     def test_mostly_goes_on_over_the_town(self, flown: dict[str, Flown]) -> None:
-        """50 m over everything, at 1 m/s down: no contact for half a minute, but times to contact are estimates."""
+        """No true time to contact is under 3.9 s, more than the horizon, but times to contact are estimates."""
         suggestions = [message.data for message in flown['town'].answers['avoidance/suggestion']]
         assert len(suggestions) > TOWN.frames / 2
         assert suggestions.count('go') > 0.7 * len(suggestions)
+
+    def test_tells_how_often_it_suggests_for_nothing(self) -> None:
+        """Over the whole built-in flight, two images more or less: another OpenCV may see a little differently."""
+        module, flight = example('planner'), SyntheticFlight(FlightConfig())
+        lowest_s, preset = re.search(r'no true one is under (\S+) s', module.__doc__), load_preset('default')
+        told = re.search(r'(\d+) of the (\d+) images suggest', module.__doc__)
+        pipeline, suggestions, true_ttc_s = MotionPipeline(preset), [], []
+        for index, frame in enumerate(flight):
+            detections = pipeline.process(frame.image, flight.stamp_ns(index)).detections
+            suggestions.append(module.suggest(detections, frame.image.shape[1]))
+            true_ttc_s += frame.ttc.tolist()
+        assert told and lowest_s
+        assert len(suggestions) == int(told[2])
+        assert len(suggestions) - suggestions.count('go') == pytest.approx(int(told[1]), abs=2)
+        assert set(suggestions) <= {'go', 'left', 'right'}
+        assert float(lowest_s[1]) < np.nanmin(true_ttc_s) < float(lowest_s[1]) + 0.1
 
 
 class TestFollow:
