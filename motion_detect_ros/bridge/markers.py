@@ -12,7 +12,7 @@ from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from motion_detect_ros.core.drawing import color_of
+from motion_detect_ros.core.drawing import color_of, label_of
 from motion_detect_ros.core.geometry.bearings import PIXEL_CENTRE
 from motion_detect_ros.core.geometry.distortion import undistorted
 from motion_detect_ros.core.types import CameraModel, RecordArray
@@ -50,7 +50,8 @@ class MarkerWriter:
         self._camera = camera_of(info, self._rectified)
 
     def message(self, records: RecordArray, header: Header) -> MarkerArray:
-        """An arrow along the bearing, a label (id, time to contact where known) and a box for every object.
+        """An arrow along the bearing, a label and a box for every object; on the label stand the last digits of the id,
+        and the time to contact where known.
 
         records: dtype ``DETECTION_DTYPE``; those without a bearing (uncalibrated camera) are left out. header: of the
         image they were seen in; the rays start at the origin of its frame, which is the optical one.
@@ -116,7 +117,7 @@ def _box(record: Any, header: Header, camera: CameraModel, distance_m: float) ->
 
 def _label(record: Any, header: Header) -> Marker:
     ttc_s = float(record['ttc'])
-    text = f'{int(record["id"])}' + (f': {ttc_s:.1f} s' if math.isfinite(ttc_s) else '')
+    text = label_of(int(record['id'])) + (f': {ttc_s:.1f} s' if math.isfinite(ttc_s) else '')
     marker = Marker(header=header, ns=LABELS, id=_id(record), type=Marker.TEXT_VIEW_FACING, action=Marker.ADD,
                     color=_color(record), scale=Vector3(z=TEXT_M), text=text, lifetime=Duration(sec=LIFETIME_S))
     marker.pose.position = _at(record, TEXT_AT_M)

@@ -9,8 +9,8 @@ import numpy as np
 
 from motion_detect_ros.core.types import ByteArray, DoubleArray, FloatArray, RecordArray
 
-#: Labels show the last five digits of an id.
-LABELS = 100_000
+#: So many last digits of an id are shown.
+LABEL_DIGITS = 5
 #: Hue step between consecutive ids; the golden ratio keeps any few neighbours apart.
 HUE_STEP = 0.618033988749895
 #: Arrows show the displacement in this time, seconds.
@@ -24,6 +24,11 @@ def color_of(identity: int) -> tuple[int, int, int]:
     """BGR colour of a track, the same in every frame."""
     red, green, blue = colorsys.hsv_to_rgb(identity * HUE_STEP % 1.0, 0.85, 1.0)
     return round(255 * blue), round(255 * green), round(255 * red)
+
+
+def label_of(identity: int) -> str:
+    """How people get an id shown, in pictures and markers: its last digits, as ids of the nodes are long."""
+    return str(identity)[-LABEL_DIGITS:]
 
 
 def draw_detections(image: ByteArray, records: RecordArray) -> ByteArray:
@@ -85,6 +90,5 @@ def _draw_one(canvas: ByteArray, record: np.void, thickness: int) -> None:
     if np.isfinite(ahead_u) and np.isfinite(ahead_v):
         tip = _pixel(u + ahead_u, v + ahead_v)
         cv2.arrowedLine(canvas, _pixel(u, v), tip, color, thickness, cv2.LINE_AA, tipLength=0.25)
-    label = f'{int(record["id"]) % LABELS}'
-    cv2.putText(canvas, label, (left_top[0], left_top[1] - 3), cv2.FONT_HERSHEY_SIMPLEX, 0.4 * thickness, color,
-                thickness, cv2.LINE_AA)
+    cv2.putText(canvas, label_of(int(record['id'])), (left_top[0], left_top[1] - 3), cv2.FONT_HERSHEY_SIMPLEX,
+                0.4 * thickness, color, thickness, cv2.LINE_AA)

@@ -41,6 +41,13 @@ def test_a_ray_of_one_metre_along_the_bearing_with_its_label():
     assert arrow.header == label.header == HEADER
 
 
+def test_labels_show_an_id_as_the_picture_does_and_markers_have_all_of_it():
+    """Node ids have nine digits; the overlay's picture shows five."""
+    arrow, label = MarkerWriter().message(objects(284853544, ttc=2.34), HEADER).markers
+    assert label.text == '53544: 2.3 s'
+    assert (arrow.id, label.id) == (284853544, 284853544)
+
+
 @pytest.mark.parametrize('ttc', [np.nan, np.inf])
 def test_unknown_and_endless_times_are_not_written(ttc: float):
     assert MarkerWriter().message(objects(7, ttc=ttc), HEADER).markers[1].text == '7'

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from motion_detect_ros.core.drawing import color_of, draw_boxes, draw_detections, flow_to_color
+from motion_detect_ros.core.drawing import color_of, draw_boxes, draw_detections, flow_to_color, label_of
 from motion_detect_ros.core.types import empty_detections
 
 
@@ -25,6 +25,20 @@ def test_box_is_drawn_around_its_centre_in_the_colour_of_its_id():
     assert not picture[37:43, 43:48].any()      # inside
     assert not picture[48:, :].any()            # below
     assert not picture[:, 63:].any()            # right
+
+
+@pytest.mark.parametrize(('identity', 'label'), [
+    (7, '7'), (53544, '53544'), (284853544, '53544'), (284800012, '00012')])
+def test_the_last_five_digits_of_an_id_are_shown(identity: int, label: str):
+    """Zeros too: 12 would be the end of others."""
+    assert label_of(identity) == label
+
+
+def test_pictures_show_these_digits():
+    black = np.zeros((80, 100, 3), np.uint8)
+    text = [draw_detections(black, detection(id=identity))[20:33].any(axis=2) for identity in (284800012, 12, 84800012)]
+    np.testing.assert_array_equal(text[0], text[2])
+    assert text[0].sum() > text[1].sum() > 0
 
 
 def test_arrow_shows_half_a_second_of_velocity():
