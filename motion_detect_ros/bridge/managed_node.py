@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -51,6 +51,7 @@ class ManagedNode(LifecycleNode):
         self._subscriptions_made: list[Any] = []
         #: Topic -> why messages of a publisher of it do not arrive.
         self.incompatible: dict[str, str] = {}
+        self._heard: set[str] = set()
         self._to_relax: list[Callable[[], None]] = []
         self._publishers_made: list[LifecyclePublisher] = []
         self.configured = False
@@ -114,6 +115,10 @@ class ManagedNode(LifecycleNode):
         """
         topic = self.resolve_topic_name(name)
 
+        def noted(msg: Any) -> None:
+            self._heard.add(name)
+            callback(msg)
+
         def on_incompatible(event: Any) -> None:
             policy = qos_policy_name_from_kind(event.last_policy_kind)
             if relax and policy == 'RELIABILITY':  # not here: the event belongs to the subscription
@@ -123,7 +128,7 @@ class ManagedNode(LifecycleNode):
             self.get_logger().warning(self.incompatible[topic], throttle_duration_sec=WARNING_PERIOD_S)
 
         made = self.create_subscription(
-            kind, name, callback, quality, event_callbacks=SubscriptionEventCallbacks(incompatible_qos=on_incompatible),
+            kind, name, noted, quality, event_callbacks=SubscriptionEventCallbacks(incompatible_qos=on_incompatible),
             **options)
         self._subscriptions_made.append(made)
 
@@ -142,6 +147,11 @@ class ManagedNode(LifecycleNode):
 
         self.create_service(Trigger, name, answer)
 
+    def gone(self, names: Iterable[str]) -> str:
+        """In a few words which of these topics had messages and have no publisher any more; empty where none."""
+        lost = [name for name in names
+                if name in self._heard and not self.count_publishers(self.resolve_topic_name(name))]
+        return f'no publisher of {", ".join(lost)} any more' if lost else ''
 
     def unsubscribe(self) -> None:
         """End all subscriptions made by ``subscribe``."""
@@ -231,6 +241,7 @@ class ManagedNode(LifecycleNode):
     def _leave(self) -> None:
         self.active = False
         self.unsubscribe()
+        self._heard.clear()
         self.end()
 
     def report(self) -> None:

@@ -152,13 +152,14 @@ class StageNode(ManagedNode):
         self._images.check()
         waiting = self._worker.waiting if self._worker else 0
         absent = self._join.absent()
+        gone = self.gone([self._image_input.topic.name, *(topic.name for topic in self.inputs)])
         return Condition(
             concern=', '.join(filter(None, (
                 f'lags, {waiting} images wait' if waiting > WAITING_IMAGES else '',
                 self._stream.trouble(time.monotonic_ns()),
                 '' if self._decimation.active and self.inputs else self._stream.loss(),
                 'nothing received on imu yet' if self._gyro and not self._gyro.received else ''))),
-            unheard='; '.join(self.incompatible.values()),
+            unheard='; '.join(filter(None, (*self.incompatible.values(), gone))),
             waits=f'nothing of the same stamp from {", ".join(absent)}' if absent else '')
 
     def extra_diagnostics(self) -> tuple[tuple[str, str], ...]:

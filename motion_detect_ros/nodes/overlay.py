@@ -66,6 +66,8 @@ class OverlayNode(ManagedNode):
     def condition(self) -> Condition:
         """Idle without subscribers, or while what is to be shown does not exist yet."""
         names = [topic.name for topic in self._inputs]
+        if gone := self.gone(names):
+            return Condition(concern=gone)
         absent = [name for name in names if not self.count_publishers(self.resolve_topic_name(name))]
         waits = f'no publisher of {", ".join(absent)} yet' if absent else ''
         return Condition(idle=waits if self._inputs else 'no subscribers')

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 import cv2
@@ -21,9 +22,14 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 class Health:
     """The reports of one node, latest last."""
 
-    def __init__(self, peer: Peer) -> None:
-        self._peer = peer
-        self._messages = peer.subscribe(DiagnosticArray, '/diagnostics')
+    def __init__(self, peer: Peer, node: str = '') -> None:
+        """node: by default there is one."""
+        self._peer, self._node = peer, node
+        self._heard = peer.subscribe(DiagnosticArray, '/diagnostics')
+
+    @property
+    def _messages(self) -> list[DiagnosticArray]:
+        return [each for each in self._heard if each.status[0].name == f'/{self._node}' or not self._node]
 
     @property
     def reports(self) -> list[tuple[bytes, str]]:
@@ -57,6 +63,32 @@ def test_overlay_that_nobody_subscribes_to_or_has_nothing_to_show_is_fine(peer, 
     publisher.publish(image_message(0))
     assert health.reported(WARN, 'nothing received for')
     assert {level for level, text in health.reports if 'nothing received' not in text} == {OK}
+
+
+def test_a_publisher_that_has_gone_stays_a_warning(peer, start):
+    """The end of a bag, or of a driver: for the overlay as for the stage; what comes again is fine again."""
+    start('pipeline', *small())
+    start('overlay')
+    health = {node: Health(peer, node) for node in ('pipeline', 'overlay')}
+    drawn = peer.subscribe(Image, '/overlay/overlay')
+    publisher = peer.advertise(Image, 'image_raw')
+    assert ready(peer, 'image_raw', 2)
+    count = itertools.count()
+
+    def shown() -> bool:
+        before = len(drawn)
+        publisher.publish(image_message(next(count)))
+        return peer.until(lambda: len(drawn) > before, 0.5) and all(one.reports[-1][0] == OK for one in health.values())
+
+    assert peer.until(shown)
+    peer.node.destroy_publisher(publisher)
+    for one in health.values():
+        assert one.reported(WARN, 'nothing received for')
+        assert {level for level, _ in one.next(4)} == {WARN}
+        assert 'no publisher of image_raw any more' in one.reports[-1][1]
+    publisher = peer.advertise(Image, 'image_raw')
+    assert ready(peer, 'image_raw', 2)
+    assert peer.until(shown)
 
 
 def test_stage_warns_while_it_drops_and_recovers(peer, start):
