@@ -32,10 +32,10 @@ class ImageLog:
     """Tells of the first images on a topic and their rate, and of silence with the images that there are elsewhere."""
 
     def __init__(self, node: Node, topic: str, others: Iterable[str] = ()) -> None:
-        """others: topics of the type of images that are no images of a camera."""
+        """others: topics of the type of images that are no images of a camera, ~ for whichever node publishes them."""
         self._node = node
         self._topic = node.resolve_topic_name(topic)
-        self._others = {self._topic, *map(node.resolve_topic_name, others)}
+        self._others = tuple(others)
         self._count = 0
         self._first_s = self._last_s = time.monotonic()
 
@@ -60,5 +60,29 @@ class ImageLog:
 
     def _elsewhere(self) -> str:
         found = [f'{name} ({kinds[0].rpartition("/")[2]})' for name, kinds in self._node.get_topic_names_and_types()
-                 if set(kinds) & set(IMAGE_TYPES) and name not in self._others and self._node.count_publishers(name)]
+                 if set(kinds) & set(IMAGE_TYPES) and self._may_be_meant(name)]
         return f'images are published on {", ".join(found)}' if found else 'nobody publishes others'
+
+    def _may_be_meant(self, name: str) -> bool:
+        """Whether images of a camera may be on a topic, and not by the node alone that is waited for."""
+        if name in {self._topic, *map(self._node.resolve_topic_name, self._others)}:
+            return False
+        publishers = self._publishers(name)
+        if _twin(name) == self._topic or _twin(self._topic) == name:
+            publishers -= self._publishers(self._topic)
+        return any(name not in (_of(node, other) for other in self._others) for node in publishers)
+
+    def _publishers(self, topic: str) -> set[tuple[str, str]]:
+        """Namespace and name of the nodes that publish there."""
+        return {(info.node_namespace, info.node_name) for info in self._node.get_publishers_info_by_topic(topic)}
+
+
+def _twin(topic: str) -> str:
+    """Where a node that publishes raw images on ``topic`` publishes them compressed."""
+    return f'{topic}/compressed'
+
+
+def _of(node: tuple[str, str], topic: str) -> str:
+    """Full name of a relative or private (~) topic of a node, given by namespace and name."""
+    namespace, name = node
+    return '/'.join([namespace.rstrip('/'), *([name] if topic.startswith('~') else []), topic.removeprefix('~/')])

@@ -25,7 +25,7 @@ from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode
 from motion_detect_ros.bridge.params import declare_config, declare_simple
 from motion_detect_ros.bridge.qos import image_qos, overridable
 from motion_detect_ros.bridge.sync import ExactJoin
-from motion_detect_ros.bridge.topics import CAMERA_INFO, FLOW, Topic
+from motion_detect_ros.bridge.topics import CAMERA_INFO, NO_CAMERA, Topic
 from motion_detect_ros.bridge.worker import Worker
 from motion_detect_ros.core.errors import MessageError, MotionDetectError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
@@ -128,7 +128,7 @@ class StageNode(ManagedNode):
         # A stage that joins what another made of each image needs neighbours; the first one may jump.
         self._worker = Worker(self._guarded, self._queue_size, self.stats.count_dropped, jumps=not self.inputs)
         quality = image_qos(self._image_input.reliability, SUBSCRIPTION_DEPTH)
-        self._images = ImageLog(self, self._image_input.topic.name, [FLOW.name])
+        self._images = ImageLog(self, self._image_input.topic.name, [topic.name for topic in NO_CAMERA])
         for topic in self.inputs:
             self._subscribe_input(topic, topic.name, image_qos('reliable', SUBSCRIPTION_DEPTH))
         sink = self.gyro_sink() if self.config.imu.use else None

@@ -59,6 +59,8 @@ OVERLAY = Topic('~/overlay', Image, image_to_msg, image_from_msg, image_qos)
 OVERLAY_JPEG = Topic('~/overlay/compressed', CompressedImage, compressed_to_msg, image_from_msg, image_qos)
 MARKERS = Topic('~/markers', MarkerArray, _as_it_is, _as_it_is, record_qos)
 FLOW_COLORS = Topic('~/flow', Image, image_to_msg, image_from_msg, image_qos)
+#: Topics of the type of images on which nodes of the package publish something else than a camera's.
+NO_CAMERA = FLOW, OVERLAY, OVERLAY_JPEG, FLOW_COLORS
 
 
 class TopicPublisher:
