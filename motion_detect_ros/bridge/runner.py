@@ -164,13 +164,20 @@ def main_of(make_node: Callable[[], ManagedNode]) -> Callable[[], None]:
 
 
 def spin(executor: SingleThreadedExecutor, finished: Future) -> None:
-    """Work until ``finished``.
+    """Work until ``finished``, and shut the executor down: else it and its guard, collected in any order, may complain.
 
     ``spin_until_future_complete`` of rclpy 7 leaves a callback on the future in every round: 5 kB a second at 20 Hz.
     """
-    finished.add_done_callback(lambda _: executor.create_task(lambda: None))  # else the round waits for a message
-    while executor.context.ok() and not finished.done():
-        executor.spin_once(timeout_sec=ROUND_S)  # a signal that comes just before the wait does not end it
+    def wake(_: Future) -> None:
+        with suppress(AttributeError):  # rclpy's for an executor that is shut down, where nobody is to be woken
+            executor.create_task(lambda: None)
+
+    finished.add_done_callback(wake)  # else the round waits for a message
+    try:
+        while executor.context.ok() and not finished.done():
+            executor.spin_once(timeout_sec=ROUND_S)  # a signal that comes just before the wait does not end it
+    finally:
+        executor.shutdown()
 
 
 def run_plain(make_node: Callable[[], Node]) -> None:

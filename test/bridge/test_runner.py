@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import random
 import signal
@@ -16,7 +17,7 @@ pytest.importorskip('rclpy')
 
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.task import Future
 
 from motion_detect_ros.bridge.runner import end_context, spin
@@ -44,6 +45,22 @@ def test_spinning_leaves_nothing_behind_and_ends_at_once(monkeypatch: pytest.Mon
     node.destroy_node()
     rclpy.shutdown(context=context)
     assert (len(left), max(left)) == (TICKS, 1)
+
+
+def test_an_executor_that_has_spun_goes_quietly(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]):
+    """The collector may take its guard for signals first; and a node that finishes later has nobody to wake."""
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    context, finished = Context(), Future()
+    rclpy.init(context=context, domain_id=own_domain())
+    executor = SingleThreadedExecutor(context=context)
+    guard = executor._sigint_gc
+    threading.Timer(0.2, rclpy.shutdown, kwargs={'context': context}).start()
+    with contextlib.suppress(ExternalShutdownException):
+        spin(executor, finished)
+    guard.__del__()
+    executor.__del__()
+    finished.set_result(None)
+    assert capfd.readouterr().err == ''
 
 
 #: A node whose thread is in and out of OpenCV, which gives the interpreter away, until some time after it is told to
