@@ -11,8 +11,9 @@ The four frames: the optical one of our bearings is x right, y down, z forward. 
 world. REP 103, and with it MAVROS towards ROS, uses FLU (forward, left, up) and ENU (east, north, up).
 
 ``obstacles`` has 72 sectors of 5 degrees, clockwise from the nose as MAVLink's OBSTACLE_DISTANCE wants them. Sectors
-with a moving object hold the ASSUMED distance ``range_m`` (one camera measures none), all others NaN = unknown: they
-may hold a wall. The camera looks along the nose, ``camera_pitch_deg`` below it.
+with a moving object hold the horizontal share of the ASSUMED distance ``range_m`` (one camera measures none), all
+others NaN = unknown: they may hold a wall. What is more than 60 degrees above or below the vehicle stands in no sector.
+The camera looks along the nose, ``camera_pitch_deg`` below it. Frames are named as MAVROS names them.
 """
 
 import math
@@ -22,6 +23,7 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu, LaserScan, PointCloud2
+from std_msgs.msg import Header
 
 from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.bridge.records import read_detections, records_to_msg
@@ -30,6 +32,10 @@ from motion_detect_ros.bridge.runner import run_plain
 SECTORS = 72
 #: Distances that a scan may hold, metres.
 LIMITS_M = 0.1, 100.0
+#: What is so far above or below is not beside the vehicle, degrees.
+STEEP_DEG = 60.0
+#: MAVROS' names of the body and the world of the autopilot.
+BODY, WORLD = 'base_link_frd', 'map_ned'
 #: An attitude further away in time than this is not that of the image, seconds; how many are kept.
 NEAR_S, KEPT = 0.1, 400
 NED = np.dtype([('north', '<f4'), ('east', '<f4'), ('down', '<f4'), ('id', '<u4')])
@@ -61,10 +67,14 @@ def frd_to_ned_by_ros(rays, flu_in_enu):
 
 
 def sectors_of(frd, range_m):
-    """(72,) distances in metres, NaN where no object is: sector k is centred 5 k degrees clockwise from the nose."""
+    """(72,) horizontal distances in metres of objects at ``range_m``, NaN where none is: sector k is centred 5 k
+    degrees clockwise from the nose. frd: (n, 3) unit rays.
+    """
     ranges = np.full(SECTORS, np.nan)
+    level = np.hypot(frd[:, 0], frd[:, 1])
+    frd, level = frd[level > math.cos(math.radians(STEEP_DEG))], level[level > math.cos(math.radians(STEEP_DEG))]
     degrees = np.degrees(np.arctan2(frd[:, 1], frd[:, 0]))
-    ranges[np.round(degrees * SECTORS / 360).astype(int) % SECTORS] = range_m
+    np.fmin.at(ranges, np.round(degrees * SECTORS / 360).astype(int) % SECTORS, range_m * level)
     return ranges
 
 
@@ -93,8 +103,8 @@ class AutopilotFrames(Node):
         frd = optical_to_frd(np.stack([detections[f'bearing_{axis}'] for axis in 'xyz'], axis=-1),
                              self.camera_pitch_deg)
         self.scans.publish(LaserScan(
-            header=msg.header, angle_min=0.0, angle_increment=2 * math.pi / SECTORS, range_min=LIMITS_M[0],
-            range_max=LIMITS_M[1], angle_max=2 * math.pi * (SECTORS - 1) / SECTORS,
+            header=Header(stamp=msg.header.stamp, frame_id=BODY), range_min=LIMITS_M[0], range_max=LIMITS_M[1],
+            angle_min=0.0, angle_increment=2 * math.pi / SECTORS, angle_max=2 * math.pi * (SECTORS - 1) / SECTORS,
             ranges=sectors_of(frd, self.range_m).tolist()))
         when = seconds(msg.header)
         stamp, attitude = min(self.attitudes, key=lambda one: abs(one[0] - when), default=(math.inf, None))
@@ -103,7 +113,7 @@ class AutopilotFrames(Node):
         records = np.zeros(len(detections), NED)
         records['north'], records['east'], records['down'] = frd_to_ned_by_ros(frd, attitude).T
         records['id'] = detections['id']
-        self.bearings.publish(records_to_msg(records, msg.header))
+        self.bearings.publish(records_to_msg(records, Header(stamp=msg.header.stamp, frame_id=WORLD)))
 
 
 def seconds(header):

@@ -16,6 +16,7 @@ and keep away from people by other means.
 
 import numpy as np
 from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data  # best effort, which every driver's topics fit
 from sensor_msgs.msg import CameraInfo, PointCloud2
 from std_msgs.msg import String
 
@@ -56,7 +57,7 @@ class Planner(Node):
         self.width_px = 0
         self.suggestion = ''
         self.publisher = self.create_publisher(String, '~/suggestion', 5)
-        self.create_subscription(CameraInfo, 'camera_info', self.on_camera_info, 1)
+        self.create_subscription(CameraInfo, 'camera_info', self.on_camera_info, qos_profile_sensor_data)
         self.create_subscription(PointCloud2, 'detections', self.on_detections, 5)
 
     def on_camera_info(self, msg):

@@ -4,12 +4,13 @@
     python3 examples/watchdog.py --ros-args -p stages:=/pipeline
 
 "stages" names the nodes that must be well, separated by commas: /pipeline, or
-/ego_motion,/optical_flow,/art2_clustering. Zero is sent at 20 Hz, as whoever drives forgets old commands.
+/ego_motion,/optical_flow,/art2_clustering. Zero is sent at 20 Hz, as whoever drives forgets old commands. Commands are
+Twist, with "stamped" TwistStamped, as follow.py gives them.
 """
 
 from __future__ import annotations
 
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.node import Node
 
 from motion_detect_ros.bridge.params import declare_simple
@@ -32,19 +33,23 @@ class Guard(Node):
             raise ConfigError(f'parameter stages: expected full names of nodes, such as /pipeline, got {stages!r}')
         self._watchdog = Watchdog(self, names, silence_s)
         self._trouble = ''
-        self._commands = self.create_publisher(Twist, 'cmd_vel', 1)
-        self.create_subscription(Twist, 'cmd_vel_in', self._on_command, 1)
+        self._kind = TwistStamped if declare_simple(self, 'stamped', False, 'commands are TwistStamped') else Twist
+        self._commands = self.create_publisher(self._kind, 'cmd_vel', 1)
+        self.create_subscription(self._kind, 'cmd_vel_in', self._on_command, 1)
         self.create_timer(PERIOD_S, self._check)
 
     def _check(self) -> None:
         trouble = self._watchdog.trouble()
         if trouble:
-            self._commands.publish(Twist())
+            stop = self._kind()
+            if self._kind is TwistStamped:
+                stop.header.stamp = self.get_clock().now().to_msg()
+            self._commands.publish(stop)
         if trouble != self._trouble:
             self.get_logger().warning(f'stop: {trouble}' if trouble else 'drive on')
             self._trouble = trouble
 
-    def _on_command(self, command: Twist) -> None:
+    def _on_command(self, command: Twist | TwistStamped) -> None:
         if not self._watchdog.trouble():
             self._commands.publish(command)
 

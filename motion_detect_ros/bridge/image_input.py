@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rclpy.node import Node
 
@@ -13,11 +13,14 @@ from motion_detect_ros.bridge.topics import COMPRESSED, IMAGE, Topic
 
 @dataclass(frozen=True)
 class ImageInput:
-    """The parameters ``image_reliability``, ``image_transport`` and ``rectified`` (as for ``camera_of``)."""
+    """The parameters ``image_reliability``, ``image_transport`` and ``rectified`` (as for ``camera_of``), and the
+    ``topic`` on which images come.
+    """
 
     reliability: str
     compressed: bool
     rectified: bool
+    topic: Topic
 
     @classmethod
     def declared(cls, node: Node) -> ImageInput:
@@ -27,15 +30,23 @@ class ImageInput:
             choices=IMAGE_RELIABILITIES))
         transport = declare_simple(
             node, 'image_transport', 'raw', 'images: image_raw or image_raw/compressed', choices=IMAGE_TRANSPORTS)
-        return cls(reliability, transport == 'compressed', bool(declare_simple(
-            node, 'rectified', False, 'the images are rectified: camera_info matrix P holds, not K')))
-
-    @property
-    def topic(self) -> Topic:
-        """Where they come."""
-        return COMPRESSED if self.compressed else IMAGE
+        rectified = bool(declare_simple(
+            node, 'rectified', False, 'the images are rectified: camera_info matrix P holds, not K'))
+        compressed = transport == 'compressed'
+        return cls(reliability, compressed, rectified, _compressed_topic(node) if compressed else IMAGE)
 
     @property
     def relaxes(self) -> bool:
         """Whether best effort is taken where a publisher offers no more."""
         return self.reliability == 'auto'
+
+
+def _compressed_topic(node: Node) -> Topic:
+    """Beside the raw images, wherever these are remapped to, as image_transport has it; its own remapping wins."""
+    if _remapped(node, COMPRESSED.name) or not _remapped(node, IMAGE.name):
+        return COMPRESSED
+    return replace(COMPRESSED, name=COMPRESSED.name.replace(IMAGE.name, node.resolve_topic_name(IMAGE.name)))
+
+
+def _remapped(node: Node, name: str) -> bool:
+    return node.resolve_topic_name(name) != node.resolve_topic_name(name, only_expand=True)

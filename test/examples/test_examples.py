@@ -239,6 +239,13 @@ class TestAutopilotFrames:
         assert np.flatnonzero(np.isfinite(ranges)).tolist() == [0, 18, 69]
         assert set(ranges[[0, 18, 69]]) == {4.0}
 
+    def test_sectors_hold_horizontal_distances(self) -> None:
+        sectors_of, down = example('autopilot_frames').sectors_of, math.sqrt(0.5)
+        assert not np.isfinite(sectors_of(np.array([(0.0, 0.0, 1.0)]), 4.0)).any(), 'below the vehicle, beside no path'
+        ranges = sectors_of(np.array([(0.0, down, down), (0.0, 1.0, 0.0), (-0.8, 0.0, 0.6)]), 4.0)
+        assert np.flatnonzero(np.isfinite(ranges)).tolist() == [18, 36]
+        assert ranges[[18, 36]] == pytest.approx([4.0 * down, 3.2]), 'of two the nearer'
+
     def test_points_at_the_true_objects_in_the_world(self, flown: dict[str, Flown]) -> None:
         """The truth comes from the scene: pixel and true pose of the camera, no attitude, no body frame."""
         dtype, hits, aimed = example('autopilot_frames').NED, 0, 0
@@ -263,7 +270,9 @@ class TestAutopilotFrames:
         for scan in scans:
             known = np.isfinite(scan.ranges)
             assert len(scan.ranges) == 72
-            assert set(np.array(scan.ranges)[known]) <= {RANGE_M}
+            assert scan.header.frame_id == 'base_link_frd'
+            near, far = RANGE_M * math.cos(math.radians(60)), RANGE_M
+            assert all(near < each <= far for each in np.array(scan.ranges)[known])
             assert (known.sum() > 0) == (counts[stamp_ns(scan.header)] > 0)
 
 

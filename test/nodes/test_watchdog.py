@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Twist, TwistStamped
 from peers import TIMEOUT_S, picture, ready, small
 from sensor_msgs.msg import Image
 
@@ -23,10 +23,11 @@ PERIOD_NS = 100_000_000
 
 
 @pytest.fixture
-def guard(peer):
+def guard(peer, request):
     """The example as a process of its own."""
+    further = getattr(request, 'param', [])
     variables = {**environment(), 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
-    command = [sys.executable, str(EXAMPLE), '--ros-args', '-p', 'detections_s:=5.0']
+    command = [sys.executable, str(EXAMPLE), '--ros-args', '-p', 'detections_s:=5.0', *further]
     process = subprocess.Popen(command, env={**os.environ, **variables})
     yield process
     process.send_signal(signal.SIGINT)
@@ -66,3 +67,27 @@ def test_the_vehicle_drives_only_while_the_detector_sees(peer, start, guard, sho
     assert feeds(True, drives=False)
     shown('the detector is blind, silent or killed', 'the example watchdog stops the vehicle, and lets it drive after',
           'no images yet, grey images, silence, kill -9: stopped')
+
+
+@pytest.mark.parametrize('guard', [['-p', 'stamped:=true']], indirect=True)
+def test_commands_may_be_stamped(peer, start, guard):
+    """As those of the example that follows one object."""
+    start('pipeline', *small())
+    images, wishes = peer.advertise(Image, 'image_raw'), peer.advertise(TwistStamped, 'cmd_vel_in')
+    commands, sent = peer.subscribe(TwistStamped, 'cmd_vel'), 0
+    assert ready(peer, 'image_raw')
+    assert ready(peer, 'cmd_vel_in')
+    assert peer.until(lambda: commands)
+    assert (commands[0].twist.linear.x, commands[0].header.stamp.sec > 0) == (0.0, True)
+    forward = TwistStamped()
+    forward.twist.linear.x = 1.0
+
+    def driven() -> bool:
+        nonlocal sent
+        sent += 1
+        images.publish(image_to_msg(picture(sent % 40), header_of(sent * PERIOD_NS, '')))
+        wishes.publish(forward)
+        peer.rest(0.1)
+        return commands[-1].twist.linear.x == 1.0
+
+    assert peer.until(driven)
