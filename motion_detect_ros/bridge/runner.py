@@ -83,6 +83,11 @@ class StopRequest:
             self.armed = False
             raise Stopped
 
+    def disarm(self) -> None:
+        """Nothing is raised any more, and no timer is left, which would end a Python that has ended its handlers."""
+        self.armed = False
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+
     @property
     def made(self) -> bool:
         """Whether there was a signal."""
@@ -116,7 +121,7 @@ def run(make_node: Callable[[], ManagedNode]) -> int:
     except Exception:  # told before leaving, which may be for good
         traceback.print_exc()
     finally:
-        stop.armed = False
+        stop.disarm()
         code = _finish(stop.node, code)
     return code
 

@@ -466,3 +466,30 @@ def test_a_context_that_a_signal_ends_at_the_same_moment_is_ended(monkeypatch: p
         end_context()
     assert not rclpy.ok()
     rclpy.try_shutdown()  # forgets the ended one
+
+
+#: A signal comes where nothing may be raised, and Python ends before it could be tried again.
+LATE_ALARM = """
+import signal, sys
+from motion_detect_ros.bridge import runner
+runner.RETRY_S = 0.5
+
+class Thing:
+    def __del__(self):
+        signal.raise_signal(signal.SIGINT)
+
+class Slow:
+    def __del__(self, sleep=__import__('time').sleep):
+        sleep(1.0)
+
+def make_node():
+    Thing()
+    raise ValueError('told to stop meanwhile')
+
+sys.modules['slow'] = Slow()  # goes when the handlers of Python have gone
+sys.exit(runner.run(make_node))
+"""
+
+
+def test_no_timer_of_the_program_outlives_its_handlers():
+    assert end_of(started(LATE_ALARM)) == (0, '')
