@@ -20,9 +20,9 @@ PREFIX_LEVELS = 4
 #: Parameters of the nodes that are no settings of the perception core; a preset may hold them, offline skips them.
 NODE_PARAMETERS = frozenset({
     'autostart', 'bag', 'box_distance_m', 'camera_info_url', 'clock', 'decimation_keep', 'decimation_of', 'first_id',
-    'fps', 'frame_id', 'image_reliability', 'image_transport', 'loop', 'position_s', 'queue_size', 'rate', 'realtime',
-    'rectified', 'reorder_s', 'source', 'source_secret_file', 'stamp_missing', 'start_type_description_service',
-    'topic', 'topics', 'use_sim_time', 'wait_for_nodes', 'wait_for_subscribers',
+    'fps', 'frame_id', 'image_reliability', 'image_transport', 'loop', 'play_results', 'position_s', 'queue_size',
+    'rate', 'realtime', 'rectified', 'reorder_s', 'source', 'source_secret_file', 'stamp_missing',
+    'start_type_description_service', 'topic', 'topics', 'use_sim_time', 'wait_for_nodes', 'wait_for_subscribers',
 })
 
 

@@ -9,13 +9,13 @@ from contextlib import contextmanager
 from motion_detect_ros.bridge.bag_publishers import BagPublishers
 from motion_detect_ros.bridge.diagnostics import Condition
 from motion_detect_ros.bridge.params import declare_simple
+from motion_detect_ros.bridge.recorded_results import played_topics
 from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.serialized import is_static
 from motion_detect_ros.bridge.source_node import SourceNode
 from motion_detect_ros.bridge.topics import CLOCK, TopicPublisher
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import NANOSECONDS
-from motion_detect_ros.sources.bag_reader import chosen_topics
 from motion_detect_ros.sources.bags import BagReader, RawMessage
 from motion_detect_ros.sources.pace import Pace
 from motion_detect_ros.sources.timeline import Timed, timeline
@@ -41,6 +41,7 @@ class BagPlayerNode(SourceNode):
             0.0, 1e6, live=True))
         self._loop = bool(declare_simple(self, 'loop', False, 'start again at the end'))
         wanted = str(declare_simple(self, 'topics', '', 'topics to play, separated by commas; empty = all'))
+        results = bool(declare_simple(self, 'play_results', True, 'results of this package that topics does not name'))
         self._with_clock = bool(declare_simple(self, 'clock', True, 'publish /clock; false where another player does'))
         if not self._bag:
             raise SourceError('bag_player: expected the parameter bag, e.g. -p bag:=flight.mcap')
@@ -50,9 +51,10 @@ class BagPlayerNode(SourceNode):
         self.serve('~/pause', lambda: self._hold(True))
         self.serve('~/resume', lambda: self._hold(False))
         with BagReader(self._bag) as reader:
-            chosen = chosen_topics(self._bag, reader.topics, wanted)
-            self._topics = [topic for topic in chosen if topic.name != CLOCK.name]  # times of recording are the clock
+            self._topics, left_out = played_topics(self._bag, reader.topics, wanted, results)
             self._damaged = reader.damaged or ''
+        if left_out:
+            self.get_logger().info(f'{self._bag}: left out, recorded results of this package: {left_out}')
 
     def open(self) -> None:
         """Publishers for all topics of the bag whose types are installed."""

@@ -11,6 +11,7 @@ from lifecycle_msgs.msg import Transition
 from mcap.writer import Writer
 from peers import PATIENT, TIMEOUT_S, image_message, lossless, own_lines, picture, ready, set_parameters, small
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
+from rclpy.serialization import serialize_message
 from rosbags.typesys import Stores, get_typestore
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu, PointCloud2
@@ -265,6 +266,56 @@ def test_player_plays_chosen_topics_only(peer, start, bag):
     play(peer, start, bag, rear, 1, '-p', 'topics:=/rear/image_raw', '-r', 'rear/image_raw:=seen')
     assert not images
     np.testing.assert_array_equal(image_from_msg(rear[0]), picture(9))
+
+
+@pytest.fixture
+def recorded_run(tmp_path):
+    """Images with what the detector answered, as users record it, and a topic of another program."""
+    path = tmp_path / 'run.mcap'
+    header = header_of(STAMPS[0], 'camera')
+    results = {'/detections': PointCloud2(header=header), '/front/ego_motion': PointCloud2(header=header),
+               '/flow': Image(header=header), '/overlay/overlay': Image(header=header),
+               '/diagnostics': DiagnosticArray(), '/lidar/flow': PointCloud2(header=header)}
+    with BagWriter(path) as writer:
+        for index, stamp in enumerate(STAMPS):
+            writer.write_image(picture(index), stamp)
+            for topic, message in results.items():
+                kind = type(message)
+                writer.write_raw(topic, f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}',
+                                 serialize_message(message), stamp)
+    return path
+
+
+LEFT_OUT = ('left out, recorded results of this package: /detections, /diagnostics, /flow, /front/ego_motion, '
+            '/overlay/overlay')
+
+
+@pytest.mark.parametrize(('arguments', 'results', 'left_out'), [
+    (('-p', 'play_results:=false'), 0, LEFT_OUT),
+    (('-p', 'play_results:=false', '-p', 'topics:=image_raw,detections'), 8, ''),
+    ((), 8, ''),
+], ids=['left out', 'named', 'as ros2 bag play'])
+def test_recorded_results_are_played_unless_a_detector_runs(
+        peer, start, tmp_path, recorded_run, arguments, results, left_out):
+    images, others = peer.subscribe(Image, 'image_raw'), peer.subscribe(PointCloud2, 'lidar/flow')
+    detections = peer.subscribe(PointCloud2, 'detections')
+    process = start('bag_player', '-p', f'bag:={recorded_run}', '-p', 'wait_for_subscribers:=1',
+                    *lossless('image_raw', 'detections', 'lidar/flow'), *arguments)
+    assert peer.until(lambda: process.poll() is not None and len(images) == 8 and len(detections) >= results)
+    peer.rest(LINGER_S)
+    assert (len(images), len(detections)) == (8, results)
+    assert bool(others) != ('topics:=' in str(arguments))
+    printed = (tmp_path / 'bag_player.log').read_text()
+    said = [line.partition('run.mcap: ')[2] for line in own_lines(printed) if 'left out' in line]
+    assert said == ([left_out] if left_out else [])
+
+
+def test_a_bag_of_nothing_but_results_is_refused(start, tmp_path):
+    path = tmp_path / 'results.mcap'
+    with BagWriter(path) as writer:
+        writer.write_raw('/detections', 'sensor_msgs/msg/PointCloud2', serialize_message(PointCloud2()), STAMPS[0])
+    assert start('bag_player', '-p', f'bag:={path}', '-p', 'play_results:=false', code=2).wait(TIMEOUT_S) == 2
+    assert 'expected messages to play, found none' in (tmp_path / 'bag_player.log').read_text()
 
 
 def test_a_bag_without_a_known_type_is_not_played_for_ever(peer, start, tmp_path):
