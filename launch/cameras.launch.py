@@ -1,32 +1,34 @@
 """Several cameras, each with its detector in a namespace of its own."""
 
-from pathlib import Path
-
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
-from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import LaunchConfiguration
+from launch.actions import OpaqueFunction
 
-from motion_detect_ros.launching import pairs
+from motion_detect_ros.launched_detector import ARGUMENTS as DETECTOR
+from motion_detect_ros.launched_detector import Detector
+from motion_detect_ros.launching import declared, end_with, given, namespace, pairs, told
 
+#: Each camera has its own of these.
+REPLACED = {'source': '', 'frame_id': ''}
 OWN = (
-    ('cameras', None, 'namespaces and sources: "front=0 rear=rtsp://10.0.0.2/live"'),
+    ('cameras', None, 'namespaces and sources: "front=0 rear=rtsp://10.0.0.2/live"; '
+                      'the launch ends with the last file; frame_id is front_optical_frame and so on'),
 )
+ARGUMENTS = (*OWN, *(argument for argument in DETECTOR if argument[0] not in REPLACED))
 
 
 def describe(context):
-    """The detector's launch file, once for each camera; its other arguments hold for all."""
-    file = str(Path(__file__).with_name('motion_detect.launch.py'))
-    return [IncludeLaunchDescription(
-        PythonLaunchDescriptionSource(file),
-        launch_arguments={'namespace': name, 'source': source, 'frame_id': f'{name}_optical_frame'}.items())
-        for name, source in pairs('cameras', LaunchConfiguration('cameras').perform(context))]
+    """The nodes of motion_detect.launch.py for each camera, once all cameras are known to be right."""
+    values = given(context, ARGUMENTS)
+    cameras = pairs('cameras', values['cameras'])
+    outer = namespace('namespace', values['namespace'])
+    inner = [namespace('cameras', name).strip('/') for name, _ in cameras]
+    detectors = [Detector({
+        **values, 'namespace': f'{outer}/{name}' if outer else name, 'source': source,
+        'frame_id': f'{name}_optical_frame'}) for name, (_, source) in zip(inner, cameras)]
+    ends = end_with(len(detectors))  # a live camera among them does not end, nor does the launch
+    return [*told(context, REPLACED), *(node for detector in detectors for node in detector.nodes(ends))]
 
 
 def generate_launch_description():
-    """One argument; those of motion_detect.launch.py are taken too."""
-    return LaunchDescription([
-        *(DeclareLaunchArgument(name, default_value=default, description=meaning)
-          for name, default, meaning in OWN),
-        OpaqueFunction(function=describe),
-    ])
+    """Arguments, nodes."""
+    return LaunchDescription([*declared(ARGUMENTS), OpaqueFunction(function=describe)])

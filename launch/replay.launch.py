@@ -1,48 +1,39 @@
 """A bag through the detector, as if it were happening now."""
 
-from pathlib import Path
-
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
-from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
+from launch.actions import OpaqueFunction
 
-from motion_detect_ros.bridge.transport import additional_environment
-from motion_detect_ros.launching import STAGES, end_with, existing, flag, number, text
+from motion_detect_ros.launched_detector import ARGUMENTS as DETECTOR
+from motion_detect_ros.launched_detector import Detector
+from motion_detect_ros.launching import declared, end_with, existing, flag, given, number, told, word
 
+#: There is no camera, and the time is that of /clock.
+FIXED = {'use_sim_time': 'true', 'camera': 'false', 'source': '', 'frame_id': ''}
 OWN = (
     ('bag', None, 'MCAP or db3 file, or a folder that holds one'),
-    ('rate', '1.0', 'speed against the recording'),
-    ('loop', 'false', 'start again at the end'),
-    ('topics', '', 'topics to play, separated by commas; empty = all'),
-    ('clock', 'true', 'publish /clock with the times of recording; false where another player does'),
+    ('rate', '', 'speed against the recording; empty = as in params_file, else 1.0'),
+    ('loop', '', 'start again at the end; empty = as in params_file, else false'),
+    ('topics', '', 'topics to play, separated by commas; '
+                   'empty = as in params_file, else all but results of this package'),
+    ('clock', '', 'publish /clock with the times of recording; false where another player does; '
+                  'empty = as in params_file, else true'),
 )
+ARGUMENTS = (*OWN, *(argument for argument in DETECTOR if argument[0] not in FIXED))
+PLAYER = {'autostart': flag, 'rate': number, 'loop': flag, 'topics': word, 'clock': flag}
 
 
 def describe(context):
-    """The player, which ends it all when the bag is over."""
-    names = ('mode', 'namespace', *(name for name, _, _ in OWN))
-    value = {name: LaunchConfiguration(name).perform(context) for name in names}
-    # The stages take different times to warm up; a player that does not wait for all of them loses the first images.
-    parameters = {
-        'bag': text(existing('bag', value['bag'])), 'rate': number('rate', value['rate']),
-        'loop': flag('loop', value['loop']), 'topics': text(value['topics']), 'clock': flag('clock', value['clock']),
-        'wait_for_nodes': text(','.join(STAGES[value['mode']]))}
-    return [Node(
-        package='motion_detect_ros', executable='bag_player', name='bag_player', output='screen',
-        namespace=value['namespace'], parameters=[parameters], additional_env=additional_environment(),
-        on_exit=end_with)]
+    """The detector without camera, and the player, which ends it all when the bag is over."""
+    values = {**given(context, ARGUMENTS), **FIXED}
+    detector = Detector(values)
+    player = {**detector.parameters(PLAYER), **detector.waiting(), 'use_sim_time': False,
+              'bag': word('bag', existing('bag', values['bag']))}
+    if detector.in_file('bag_player', 'play_results') is None:
+        player['play_results'] = False
+    return [*told(context, FIXED), *detector.nodes(end_with()),
+            detector.node('bag_player', player, [], on_exit=end_with())]
 
 
 def generate_launch_description():
-    """The detector without camera, and the player."""
-    detector = IncludeLaunchDescription(
-        PythonLaunchDescriptionSource(str(Path(__file__).with_name('motion_detect.launch.py'))),
-        launch_arguments={'camera': 'false', 'use_sim_time': 'true'}.items())
-    return LaunchDescription([
-        *(DeclareLaunchArgument(name, default_value=default, description=meaning)
-          for name, default, meaning in OWN),
-        detector,
-        OpaqueFunction(function=describe),
-    ])
+    """Arguments, nodes."""
+    return LaunchDescription([*declared(ARGUMENTS), OpaqueFunction(function=describe)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -84,13 +85,45 @@ def read_parameters(path: Path, wanted: Callable[[str], bool] = lambda name: Tru
     wanted: which names. Raises: ConfigError where the file cannot be read or is laid out otherwise, or where nodes have
     different values of one of them.
     """
+    return _read(path, lambda document: _merged(document, wanted))
+
+
+def value_for(path: Path, node: str, name: str) -> Any:
+    """What a ROS parameter file says for a node, by its full name, about a parameter without dots; None for nothing.
+
+    As rclpy takes it: of all sections that match, the last one that has it. Raises: ConfigError as ``read_parameters``.
+    """
+    full_name = f'/{node.strip("/")}'
+
+    def last(document: Any) -> Any:
+        found = None
+        for pattern, parameters in _sections(document):
+            if re.fullmatch(pattern, full_name):
+                found = parameters.get(name, found)
+        return found
+    return _read(path, last)
+
+
+def _read(path: Path, take: Callable[[Any], Any]) -> Any:
+    """What ``take`` makes of a YAML document. Raises: ConfigError."""
     try:
-        return _merged(yaml.safe_load(path.read_text(encoding='utf-8')), wanted)
+        return take(yaml.safe_load(path.read_text(encoding='utf-8')))
     except (OSError, ValueError, yaml.YAMLError) as error:  # ValueError: no UTF-8, or a date that is none
         reason = str(error).splitlines()[0]
         raise ConfigError(f'expected a YAML parameter file, got {reason}') from None
     except RecursionError:
         raise ConfigError('expected a YAML parameter file, got one nested too deep') from None
+
+
+def _sections(document: Any, namespace: str = '') -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Of nested namespaces too: a regular expression of the nodes' full names, and their parameters."""
+    if not isinstance(document, Mapping | None):
+        raise ConfigError(f'expected "/**: ros__parameters:" at the top, got {type(document).__name__}')
+    for key, body in (document or {}).items():
+        if key == 'ros__parameters' and isinstance(body, Mapping):
+            yield re.escape(namespace).replace(r'/\*\*', r'(/\w+)*').replace(r'/\*', r'(/\w+)'), body
+        elif isinstance(body, Mapping):
+            yield from _sections(body, f'{namespace}/{str(key).strip("/")}')
 
 
 def _merged(document: Any, wanted: Callable[[str], bool]) -> dict[str, Any]:

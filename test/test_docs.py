@@ -13,6 +13,7 @@ from reliability import rows_of_tests
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.core.types import DETECTION_DTYPE, EgoStatus, MotionModel
+from motion_detect_ros.launched_detector import ARGUMENTS
 from motion_detect_ros.presets import NODE_PARAMETERS
 from motion_detect_ros.sources.encoding import ENCODINGS
 
@@ -31,9 +32,11 @@ def topics() -> set[str]:
 
 def launch_arguments(name: str) -> dict[str, str]:
     """Argument -> default, of the tuples (name, default, what it means)."""
+    if name == 'motion_detect.launch.py':
+        return {argument: default for argument, default, _ in ARGUMENTS}
     tree = ast.parse((ROOT / 'launch' / name).read_text(encoding='utf-8'))
     tables = [node.value for node in tree.body if isinstance(node, ast.Assign)
-              and getattr(node.targets[0], 'id', '') in {'ARGUMENTS', 'OWN'}]
+              and getattr(node.targets[0], 'id', '') == 'OWN']
     return {argument: default for table in tables for argument, default, _ in ast.literal_eval(table)}
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import re
 import shutil
 import subprocess
@@ -16,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
 
 from motion_detect_ros.bridge.records import read_detections
+from motion_detect_ros.launched_detector import ARGUMENTS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PAGE = (REPOSITORY / 'docs' / 'recipes.md').read_text(encoding='utf-8')
@@ -61,10 +61,7 @@ def commands() -> str:
 
 
 def test_launch_arguments_exist():
-    tree = ast.parse((REPOSITORY / 'launch' / 'motion_detect.launch.py').read_text(encoding='utf-8'))
-    table = next(node.value for node in tree.body
-                 if isinstance(node, ast.Assign) and getattr(node.targets[0], 'id', '') == 'ARGUMENTS')
-    known = {argument for argument, *_ in ast.literal_eval(table)}
+    known = {argument for argument, *_ in ARGUMENTS}
     given = {word for line in re.findall(r'motion_detect\.launch\.py(.*)', commands())
              for word in re.findall(r'(\w+):=', line)}
     assert {'source', 'namespace', 'mode', 'use_respawn'} <= given

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -28,22 +28,21 @@ class DeclareLaunchArgument:
                                f'Valid options are: {self._choices}')
 
 
-class IncludeLaunchDescription:
-    """Another launch file, with more arguments."""
-
-    def __init__(self, source: Any, *, launch_arguments: Iterable[tuple[str, str]]) -> None:
-        self._source, self._arguments = source, dict(launch_arguments)
-
-    def visit(self, context: LaunchContext) -> list[Any]:
-        context.launch_configurations.update(self._arguments)
-        return [self._source.description()]
-
-
 class OpaqueFunction(SimpleNamespace):
     """A function of the context that returns actions."""
 
     def __init__(self, *, function: Callable[[LaunchContext], list[Any]]) -> None:
         super().__init__(visit=function)
+
+
+class LogInfo:
+    """A line on the console."""
+
+    def __init__(self, *, msg: str) -> None:
+        self.msg = msg
+
+    def visit(self, _context: LaunchContext) -> None:
+        pass
 
 
 class Shutdown(SimpleNamespace):
