@@ -17,6 +17,7 @@ from motion_detect_ros.presets import (
     node_parameters,
     preset_names,
     read_parameters,
+    value_for,
     write_preset,
 )
 
@@ -124,3 +125,28 @@ def test_settings_that_contradict_each_other_are_refused(values: dict[str, int],
 def test_settings_are_checked_together_not_one_by_one():
     config = with_settings(PipelineConfig(), {'art2.initial_neurons': 30, 'art2.max_neurons': 40})
     assert (config.art2.initial_neurons, config.art2.max_neurons) == (30, 40)
+
+
+@pytest.mark.parametrize(('node', 'expected'), [
+    ('/camera', 1), ('robot1/camera', 4), ('/robot1/overlay', 2), ('/robot2/rear/camera', 3), ('/robot2/camera', 5),
+    ('/robot3', 6)])
+def test_the_last_section_that_matches_a_node_holds(node: str, expected: int, tmp_path: Path):
+    """The values are those that nodes of rclpy 7.1 took from this file."""
+    path = tmp_path / 'mine.yaml'
+    path.write_text("""
+/**: {ros__parameters: {source: 1}}
+/robot1/*: {ros__parameters: {source: 2}}
+/robot2/**: {ros__parameters: {source: 3}}
+/robot1/camera: {ros__parameters: {source: 4, rate: 1.0}}
+robot2:
+  camera: {ros__parameters: {source: 5}}
+/robot3: {ros__parameters: {source: 6}}
+""")
+    assert value_for(path, node, 'source') == expected
+    assert value_for(path, node, 'rate') == (1.0 if expected == 4 else None)
+
+
+def test_an_empty_file_says_nothing_about_a_node(tmp_path: Path):
+    path = tmp_path / 'empty.yaml'
+    path.touch()
+    assert value_for(path, '/camera', 'source') is None
