@@ -60,6 +60,12 @@ class TestSequence:
         with pytest.raises(SourceError, match='detections, each once in a frame, got 40 2 times in frame 3'):
             sequence(ONE_MOVER, found, range(FRAMES), (1,))
 
+    def test_ids_count_from_0(self) -> None:
+        truth, found = truth_of((0, 0, 0, 1), (0, 1, 100, 1)), np.concatenate([detection(0, 0), detection(1, 100)])
+        data = sequence(truth, {0: found}, range(1), (1,))
+        assert (data['num_gt_ids'], data['num_tracker_ids']) == (2, 2)
+        assert (data['gt_ids'][0].tolist(), data['tracker_ids'][0].tolist()) == ([0, 1], [0, 1])
+
     def test_an_id_twice_where_it_does_not_count(self) -> None:
         truth = truth_of((0, 4, 0, 1), (0, 4, 100, -1), (0, 4, 200, -1))
         assert sequence(truth, {}, range(1), (1,))['num_gt_ids'] == 1

@@ -20,10 +20,12 @@ from warps import (
 )
 
 from motion_detect_ros.core.config import EgoMotionConfig, PipelineConfig
+from motion_detect_ros.core.ego_motion.measurement import centre_of, is_plausible
+from motion_detect_ros.core.ego_motion.robust_fit import MotionFit
 from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
 from motion_detect_ros.core.geometry.frame_history import FrameHistory
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
-from motion_detect_ros.core.types import EgoMotion, EgoStatus
+from motion_detect_ros.core.types import EgoMotion, EgoStatus, MotionModel, PreparedFrame
 
 
 @pytest.mark.parametrize('kind', DRAWS)
@@ -235,3 +237,25 @@ def test_after_a_cut_frames_are_compared_from_the_second_picture_on(baseline_s: 
         frame = prepare.process(picture, (index + 1) * PERIOD_NS)
         known.append(history.step(frame, stage.process(frame)) is not None)
     assert known == [False] + 13 * [True] + [False] + 13 * [True]
+
+
+def test_the_centre_is_that_of_the_full_resolution():
+    frame = PreparedFrame(np.zeros((180, 320), np.uint8), 0.5, 640, 360, 0)
+    assert centre_of(frame).tolist() == [320.0, 180.0]
+
+
+@pytest.mark.parametrize(('changes', 'plausible'), [
+    ({}, True), ({'inliers': 9}, False), ({'inliers': 10}, True),
+    # of any parameter, the standard deviation may be 5 px
+    ({'variance': 24.9}, True), ({'variance': 25.1}, False), ({'variance': np.nan}, False),
+    # A is in pixels half the diagonal, 500 px, from the centre: 200 are 1.4 times the size, determinant 1.96
+    ({'scale_px': 200.0}, True), ({'scale_px': 210.0}, False),
+    ({'scale_px': -145.0}, True), ({'scale_px': -150.0}, False),  # 0.71^2 = 0.504, 0.7^2 = 0.49
+])
+def test_a_fit_of_few_points_uncertain_or_of_a_leap_in_size_is_no_camera_motion(changes: dict, plausible: bool):
+    given = {'inliers': 12, 'variance': 0.01, 'scale_px': 0.0, **changes}
+    theta, covariance = np.zeros(8), 0.01 * np.eye(8)
+    theta[[1, 5]], covariance[4, 4] = given['scale_px'], given['variance']
+    fit = MotionFit(theta, covariance, np.arange(40) < given['inliers'], 0.1, MotionModel.AFFINE)
+    assert is_plausible(fit, np.array([400.0, 300.0])) == plausible
+    assert not is_plausible(None, np.array([400.0, 300.0]))

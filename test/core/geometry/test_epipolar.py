@@ -113,6 +113,13 @@ def test_too_few_points_give_no_motion():
     assert _estimate(earlier[:20], now[:20]) is None
 
 
+@pytest.mark.parametrize('reach', [0.0, 0.5], ids=['one place', 'a line'])
+def test_points_that_determine_no_essential_matrix_give_no_motion(reach: float):
+    """OpenCV finds none for a hundred points in one place or on one line that do not move."""
+    still = np.stack([np.linspace(-reach, reach, 100), np.zeros(100)], axis=1)
+    assert _estimate(still, still) is None
+
+
 def test_points_that_are_not_known_do_not_count():
     earlier, now, rotation, _ = _seen('curve')
     known = np.arange(len(earlier)) % 3 == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from scipy import ndimage
@@ -11,6 +12,7 @@ from motion_detect_ros.core.config import BackgroundConfig
 from motion_detect_ros.core.detection.patches import Patch, connected_pixels, joined_patches
 from motion_detect_ros.core.detection.segments import connected_segments
 from motion_detect_ros.core.geometry.boxes import Box
+from motion_detect_ros.core.geometry.carried import carried
 from motion_detect_ros.core.geometry.motion_chain import MotionChain
 from motion_detect_ros.core.geometry.warp import apply, at_scale, grid_points
 from motion_detect_ros.core.types import EgoMotion, EgoStatus
@@ -51,6 +53,23 @@ class TestWarp:
     def test_grid_points_are_centres_of_cells(self):
         # 8 pixels in 2 cells: pixels 0..3 and 4..7, centres 1.5 and 5.5
         np.testing.assert_allclose(grid_points(1, 2, 8, 4)[0], [[1.5, 1.5], [5.5, 1.5]])
+
+
+class TestCarried:
+    WARP = np.array([[1.1, 0.02, 3.0], [-0.01, 0.9, -2.0], [5e-4, 1e-3, 1.0]])
+
+    def test_through_the_warp_in_centres_of_pixels_then_on_at_its_own_velocity(self):
+        # centre of pixel (100, 200): 117 and 177 over a depth of 1 + 0.05 + 0.2
+        place, speed = carried(self.WARP, np.array([100.5, 200.5]), np.array([10.0, 20.0]), 0.1)
+        np.testing.assert_allclose(speed, [11.4, 17.9])
+        np.testing.assert_allclose(place, [93.6 + 0.5 + 1.14, 141.6 + 0.5 + 1.79])
+
+    @pytest.mark.parametrize('perspective', [(1e-3, 0.0), (0.0, 1e-3), (-4e-4, 7e-4)])
+    def test_places_are_those_of_opencv(self, perspective):
+        matrix = self.WARP.copy()
+        matrix[2, :2] = perspective
+        place, _ = carried(matrix, np.array([100.5, 200.5]), np.zeros(2), 0.1)
+        np.testing.assert_allclose(place - 0.5, cv2.perspectiveTransform(np.array([[[100.0, 200.0]]]), matrix)[0, 0])
 
 
 class TestMotionChain:

@@ -43,6 +43,14 @@ def test_ground_is_that_of_the_marked_points_in_front():
     np.testing.assert_allclose(ground.coefficients, [0.0, 0.5, 0.01], atol=1e-6)
 
 
+def test_points_that_are_not_marked_do_not_count_however_many_they_are():
+    points = _points(np.random.default_rng(8), 900)
+    below = np.arange(900) % 3 == 0
+    inverse = np.where(below, 0.5 * points[:, 1] + 0.01, 0.1 * points[:, 0] + 0.9 * points[:, 1] + 0.2)
+    ground = ground_below(points, inverse, np.full(900, 500.0), below)
+    np.testing.assert_allclose(ground.coefficients, [0.0, 0.5, 0.01], atol=1e-6)
+
+
 def test_limit_is_slack_behind_the_plane():
     """15 % farther away, and a hundredth of a radian below: by hand for inverse depth 3 x + 4 y + 0.5."""
     np.testing.assert_allclose(GroundPlane(np.array([3.0, 4.0, 0.5])).limit, [2.55, 3.4, 0.425 - 0.05])

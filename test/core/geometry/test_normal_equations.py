@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from motion_detect_ros.core.geometry.normal_equations import tukey_sums
+from motion_detect_ros.core.geometry.robust import rayleigh_sigma
 
 
 @pytest.mark.parametrize('count', [3, 5])
@@ -17,3 +18,11 @@ def test_sums_are_those_of_least_squares_with_tukey_s_weights(count: int) -> Non
     tukey_sums(rows, errors, 3.0, normal, right)
     np.testing.assert_allclose(normal, rows.T @ (weights[:, None] * rows), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(right, rows.T @ (weights * errors), rtol=1e-9, atol=1e-9)
+
+
+def test_deviation_of_a_component_is_that_of_the_lengths_median() -> None:
+    """Half of all lengths of two components of deviation 1 are below sqrt(2 ln 2) = 1.1774."""
+    assert rayleigh_sigma(np.full(7, 1.1774)) == pytest.approx(1.0)
+    assert rayleigh_sigma(np.array([900.0, 2.3548, 0.0])) == pytest.approx(2.0), 'outliers do not count'
+    errors = np.random.default_rng(2).normal(0.0, 3.0, (100_000, 2))
+    assert rayleigh_sigma(np.hypot(*errors.T)) == pytest.approx(3.0, rel=0.01)

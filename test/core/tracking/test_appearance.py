@@ -100,6 +100,21 @@ def test_dropped_outside_the_picture():
     assert counts[10:17] == [1] * 7 and sum(counts[22:]) == 0
 
 
+@pytest.mark.parametrize(('away', 'held'), [((300.0, 0.0), True), ((0.0, 200.0), True), ((60.0, 0.0), False)],
+                         ids=['in its row', 'in its column', 'on top'])
+def test_held_unless_another_object_is_detected_on_top(away: tuple[float, float], held: bool):
+    """The other one is of 140 x 80 px: too large to be taken for the one of 40 x 40 px that stops."""
+    tracker, picture = Tracker(TracksConfig(appearance='template', appearance_hold_s=5.0)), texture(1, 360, 600)
+    place = np.array([140.0, 60.0])
+    picture[40:80, 120:160] = texture(2, 40, 40)
+    one = Candidate(place, np.array([40.0, 40.0]), np.zeros(2), 1600.0, 2.0, 1)
+    other = Candidate(place + away, np.array([140.0, 80.0]), np.zeros(2), 11200.0, 2.0, 2)
+    for index in range(20):
+        records = tracker.step([one, other] if index < 10 else [other], np.eye(3), 0.04, 600, 360, picture)
+    assert (1 in records['id']) == held
+    assert held == (records['width'] == 40.0).any()
+
+
 class TestLooks:
     CENTRE, SIZE = np.array([100.0, 80.0]), np.array([40.0, 30.0])
 

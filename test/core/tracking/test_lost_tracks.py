@@ -60,14 +60,18 @@ def test_after_over_a_second_it_is_a_new_object() -> None:
     assert found[-1]['id'].tolist() == [2]
 
 
+@pytest.mark.parametrize('along', [np.array([1.0, 0.0]), np.array([0.0, 1.0])], ids=['across', 'down'])
 @pytest.mark.parametrize(('away_px', 'back_px', 'number'), [(10.0, -20.0, 2), (0.0, 0.0, 1)], ids=['left', 'hidden'])
-def test_what_left_the_picture_does_not_come_back(away_px: float, back_px: float, number: int) -> None:
+def test_what_left_the_picture_does_not_come_back(
+    away_px: float, back_px: float, number: int, along: np.ndarray,
+) -> None:
     """Even where the camera turns back and something is where it would be, and as fast."""
-    tracker, x, found = Tracker(TracksConfig()), 500.0, []
+    tracker, place, found = Tracker(TracksConfig()), np.array([WIDTH, HEIGHT]) - 140.0 * along - 200.0 * along[::-1], []
     for frame, pan_px in enumerate([2.0] * 11 + [away_px] * 8 + [back_px] * 8 + [-3.0] * 8):
-        x += pan_px + 3.0
-        matrix = np.array([[1.0, 0.0, pan_px], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-        one = Candidate(np.array([x, 200.0]), np.array([40.0, 20.0]), np.array([3.0 / DT_S, 0.0]), 300.0, 3.0, 1)
+        place = place + (pan_px + 3.0) * along
+        matrix = np.eye(3)
+        matrix[:2, 2] = pan_px * along
+        one = Candidate(place, np.array([40.0, 40.0]), 3.0 / DT_S * along, 300.0, 3.0, 1)
         found.append(tracker.step([] if 10 < frame < 27 else [one], matrix, DT_S, WIDTH, HEIGHT))
     assert found[10]['id'].tolist() == [1]
     assert found[-1]['id'].tolist() == [number]

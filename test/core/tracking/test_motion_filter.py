@@ -66,3 +66,22 @@ def test_the_camera_carries_the_position_in_pixel_centres() -> None:
     track = MotionFilter((10.5, 20.5), (30.0, 0.0), 1.0)
     track.predict(np.diag([2.0, 2.0, 1.0]).tolist(), 0.1, 0.0)
     assert [*track.centre, *track.velocity] == pytest.approx([20.5 + 6.0, 40.5, 60.0, 0.0])
+
+
+def test_what_is_measured_along_one_axis_says_nothing_of_the_other() -> None:
+    """A flow that is 10 px/s off adds 1.25 x 10^2 (px/s)^2 to the variance along it; axes exchanged, all is."""
+    def corrected(*lags: tuple[float, float]) -> MotionFilter:
+        track = MotionFilter((100.0, 100.0), (0.0, 0.0), 2.0)
+        for lag_u, lag_v in lags:
+            track.predict(AT_REST, 0.04, 20.0)
+            (u, v), (du, dv) = track.centre, track.velocity
+            track.correct((u + 0.1 * lag_u, v + 0.1 * lag_v), (du + lag_u, dv + lag_v), 2.0)
+        return track
+
+    across, down = corrected((10.0, 0.0)).velocity_variance, corrected((0.0, 10.0)).velocity_variance
+    assert across[0] - across[1] == pytest.approx(125.0)
+    assert down == pytest.approx(across[::-1])
+    lags = [(8.0, -3.0), (5.0, 1.0), (-2.0, 6.0), (1.0, 4.0)]
+    one, other = corrected(*lags), corrected(*(each[::-1] for each in lags))
+    assert other.velocity_variance == pytest.approx(one.velocity_variance[::-1])
+    assert (other.centre, other.velocity) == (pytest.approx(one.centre[::-1]), pytest.approx(one.velocity[::-1]))

@@ -11,7 +11,7 @@ import pytest
 
 from motion_detect_ros.core.config import TracksConfig
 from motion_detect_ros.core.detection.candidate import Candidate, Growth
-from motion_detect_ros.core.detection.expansion import growth, with_growth
+from motion_detect_ros.core.detection.expansion import _similarity, growth, with_growth
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.tracking.time_to_contact import Approach
 from motion_detect_ros.core.tracking.tracker import Tracker
@@ -93,12 +93,35 @@ class TestGrowth:
         assert growth(flow, unknown, seen_at(320, 180, 80, 60, (60, 60)), 0.1) is None
         assert with_growth([small], flow, own, 0.1)[0].growth is None
 
-    def test_size_is_unknown_where_the_border_cuts_the_box(self):
+    @pytest.mark.parametrize(('inside', 'cut'), [
+        ((45, 180), (43, 180)), ((320, 27), (320, 26)), ((595, 180), (597, 180)), ((320, 333), (320, 334)),
+        ((320, 180), (600, 180)), ((100, 180), (100, 5))])
+    def test_size_is_unknown_where_the_border_cuts_the_box(self, inside, cut):
+        """Or is less than 4 px away: edges of the box are 40 and 22.5 px from its centre."""
         flow = field(0.2, 0.1, (320, 180))
         own = np.full_like(flow.flow, 6.0)
-        inside = growth(flow, own, seen_at(320, 180, 80, 45, (60, 60)), 0.1)
-        cut = growth(flow, own, seen_at(600, 180, 80, 45, (60, 60)), 0.1)
-        assert inside.log_size == pytest.approx(math.log(60)) and math.isnan(cut.log_size)
+        whole, part = (growth(flow, own, seen_at(*each, 80, 45, (60, 60)), 0.1) for each in (inside, cut))
+        assert whole.log_size == pytest.approx(math.log(60)) and math.isnan(part.log_size)
+
+    @pytest.mark.parametrize('turn', [0.0, 0.1, -0.2])
+    def test_a_turn_makes_exact_flow_no_less_certain(self, turn):
+        """20 x 16 cells of 4 px: squares of the distances from their middle add up to 320 (532 + 340) px^2."""
+        flow = field(0.5, 0.1, (320, 180), turn=turn)
+        own = np.full_like(flow.flow, 6.0)
+        found = growth(flow, own, seen_at(320, 180, 80, 60, (60, 60)), 0.1)
+        per_rate = 0.1 / 1.05 ** 2  # the share 1 - 1 / (1 + 0.1 rate) grows by so much a unit of the rate, which is 0.5
+        assert found.rate == pytest.approx(0.5, rel=1e-4)
+        assert found.variance == pytest.approx(0.02 ** 2 * 16.0 / (320.0 * 872.0) / per_rate ** 2, rel=0.01)
+
+    def test_turn_and_scale_are_told_apart(self):
+        random = np.random.default_rng(3)
+        x, y, weight = random.uniform(0, 60, 50), random.uniform(0, 30, 50), random.uniform(0.1, 1.0, 50)
+        mean = [float(np.average(each, weights=weight)) for each in (x, y)]
+        dx, dy = x - mean[0], y - mean[1]
+        scale, turn, spread, means = _similarity(x, y, 3.0 + 0.1 * dx - 0.2 * dy, -2.0 + 0.1 * dy + 0.2 * dx, weight)
+        assert (scale, turn) == (pytest.approx(0.1), pytest.approx(0.2))
+        assert spread == pytest.approx((weight * (dx ** 2 + dy ** 2)).sum())
+        assert means == pytest.approx((*mean, 3.0, -2.0))
 
 
 def approached(rates, sizes, dt_s=0.05, sigma=0.05) -> list[float]:

@@ -80,6 +80,9 @@ def test_a_faint_object_beside_a_larger_one_is_taken_for_a_part_of_it():
     large = candidate(240.0, 100.0, size=(80.0, 60.0))
     assert first_report(2.0, others=(large,), top=150.0) is None
     assert first_report(2.0, others=(large,), top=300.0) == 20
+    # it is near up to half the height and the geometric mean of the sides: 30 + 69.3 px below its centre
+    assert first_report(2.0, others=(large,), top=195.0) is None
+    assert first_report(2.0, others=(large,), top=205.0) == 20
 
 
 def two_views(offset=(4.0, 0.0), size=(14.0, 14.0), velocity=(20.0, 0.0)) -> list[int]:
@@ -351,6 +354,31 @@ def test_boxes_are_cut_at_the_border_and_end_outside():
     assert counts == [0, 0]
 
 
+@pytest.mark.parametrize(('centre', 'shown'), [
+    ((5.0, 100.0), [10.0, 100.0, 20.0, 20.0]),     # columns -10 to 20
+    ((100.0, 4.0), [100.0, 7.0, 30.0, 14.0]),      # rows -6 to 14
+    ((100.0, 478.0), [100.0, 474.0, 30.0, 12.0]),  # rows 468 to 488
+    ((637.0, 100.0), [631.0, 100.0, 18.0, 20.0]),  # columns 622 to 652
+], ids=['left', 'top', 'bottom', 'right'])
+def test_a_box_over_any_border_is_the_part_in_the_picture(centre: tuple[float, float], shown: list[float]):
+    tracker = Tracker(CONFIG)
+    for _ in range(4):
+        records = tracker.step([candidate(*centre)], np.eye(3), DT_S, 640, 480)
+    assert [float(records[name][0]) for name in ('u', 'v', 'width', 'height')] == pytest.approx(shown)
+
+
+@pytest.mark.parametrize(('first', 'step_px'), [((100, 423), (0, 5)), ((100, 57), (0, -5)), ((57, 100), (-5, 0))],
+                         ids=['bottom', 'top', 'left'])
+def test_an_object_that_leaves_over_any_border_ends_there(first: tuple[int, int], step_px: tuple[int, int]):
+    """It is last seen 2 px inside, at 100 px/s, so that 50 ms later its centre is 3 px outside."""
+    tracker, velocity = Tracker(CONFIG), np.array(step_px) / DT_S
+    for index in range(12):
+        place = np.array(first) + index * np.array(step_px)
+        records = tracker.step([candidate(*place, velocity)], np.eye(3), DT_S, 640, 480)
+    assert len(records) == 1
+    assert len(tracker.step([], np.eye(3), DT_S, 640, 480)) == 0
+
+
 def test_weak_candidates_need_more_of_them_and_doubtful_ones_are_never_reported():
     def first_report(log_odds: float) -> int | None:
         tracker = Tracker(TracksConfig(confirm_s=3 * DT_S, confirm_window_s=5 * DT_S, confirm_log_odds=1.0))
@@ -386,6 +414,30 @@ def test_confirmation_coasting_and_log_odds_last_as_long_at_every_rate(rate_hz: 
     assert tracker.step(seen, np.eye(3), dt_s, 640, 480)['score'][0] == pytest.approx(probability(2.51), abs=0.002)
     gone = [len(tracker.step([], np.eye(3), dt_s, 640, 480)) for _ in range(round(rate_hz))]
     assert sum(gone) * dt_s <= 0.3 + dt_s / 2 + 1e-6
+
+
+@pytest.mark.parametrize(('coast_s', 'misses', 'lives'), [(0.3, 1, True), (0.3, 2, False), (0.0, 1, False)])
+def test_a_confirmed_track_outlives_one_miss_of_a_longer_period_unless_none_is_allowed(
+    coast_s: float, misses: int, lives: bool,
+):
+    """At 2 Hz a frame is 0.5 s; where the track has ended, one detection is not enough for the next one."""
+    tracker = Tracker(TracksConfig(coast_s=coast_s))
+    for _ in range(3):
+        records = tracker.step([candidate(100, 100)], np.eye(3), 0.5, 640, 480)
+    assert records['id'].tolist() == [1]
+    for _ in range(misses):
+        tracker.step([], np.eye(3), 0.5, 640, 480)
+    after = tracker.step([candidate(100, 100)], np.eye(3), 0.5, 640, 480)
+    assert after['id'].tolist() == ([1] if lives else [])
+
+
+@pytest.mark.parametrize(('misses', 'lives'), [(3, True), (4, False)])
+def test_a_tentative_track_outlives_three_misses_of_a_longer_period(misses: int, lives: bool):
+    """The second detection confirms it, at 2 Hz, where it has not ended."""
+    tracker = Tracker(TracksConfig())
+    for seen in [[candidate(100, 100)], *[[]] * misses]:
+        assert len(tracker.step(seen, np.eye(3), 0.5, 640, 480)) == 0
+    assert len(tracker.step([candidate(100, 100)], np.eye(3), 0.5, 640, 480)) == lives
 
 
 @pytest.mark.parametrize('jitter_s', [0.0, 0.002])

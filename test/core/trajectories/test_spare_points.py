@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from scipy.spatial import cKDTree
 
 from motion_detect_ros.core.geometry.cells import near_others
+from motion_detect_ros.core.trajectories import new_points
 from motion_detect_ros.core.trajectories.new_points import NewPoints
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
 from motion_detect_ros.core.trajectories.points import Points, PointTracker
@@ -122,3 +124,28 @@ def test_points_that_are_spared_are_gone_and_the_others_live_on():
     assert spare.sum() > 10
     assert not set(points.number[spare]) & set(after.number)
     assert set(points.number[~spare]) & set(after.number)
+
+
+def test_no_new_point_starts_where_the_mask_hides_the_picture():
+    mask = np.ones((HEIGHT, WIDTH), bool)
+    mask[:, :WIDTH // 2] = False
+    places = NewPoints(400).places(np.zeros((0, 2), np.float32), recent(), mask, MOVER.astype(np.float32))
+    assert len(places) == 400
+    assert places[:, 0].min() >= WIDTH // 2
+
+
+@pytest.mark.parametrize(('changed', 'cells'), [
+    ([(51, 52)], []),  # two pixels of either cell
+    ([(51, 52), (52, 52)], [(20, 20), (21, 20)]),  # three
+    ([(51, 51)], [(20, 20)]),  # four
+], ids=['two', 'three', 'four'])
+def test_a_fine_cell_with_three_pixels_that_changed_gets_a_point(
+    changed: list[tuple[int, int]], cells: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch,
+):
+    """Those of the halved picture stand for two by two; cell 20 begins at pixel 100, cell 21 at 105."""
+    half = np.zeros((HEIGHT // 2, WIDTH // 2), bool)
+    half[tuple(np.transpose(changed))] = True
+    monkeypatch.setattr(new_points, 'changed_pixels', lambda frames, ago: half)
+    taken = LATTICE[(LATTICE % 16 == 2).all(axis=1)].astype(np.float32)
+    places = NewPoints(300).places(taken, recent(), None, MOVER[:0].astype(np.float32))
+    assert sorted((column, row) for column, row in (places // 5).astype(int).tolist()) == cells

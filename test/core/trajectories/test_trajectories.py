@@ -382,6 +382,8 @@ class TestUnion:
     def test_parts_of_what_is_larger_than_points_show_give_way_unless_they_cover_it(self) -> None:
         bus, window = candidate(200, 120, 1.0), candidate(180, 30, 1.0)
         assert united([bus], [window], LARGEST_PX) == [bus]
+        faster = candidate(180, 30, 1.0, speed=30.0)
+        assert united([bus], [faster], LARGEST_PX) == [bus], 'however its part moves'
         one, other = candidate(170, 60, 1.0), candidate(230, 60, 1.0)
         one.size[1] = other.size[1] = 120.0
         assert united([bus], [one, other], LARGEST_PX) == [one, other]
