@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -15,10 +16,12 @@ from sensor_msgs.msg import Image
 
 from motion_detect_ros.bridge.params import LiveParameters, declare_config, declare_simple, unknown_parameters
 from motion_detect_ros.bridge.qos import image_qos, overridable, record_qos
+from motion_detect_ros.bridge.track_ids import declare_first_id, first_id
 from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.core.settings import settings
+from motion_detect_ros.core.tracking.tracker import MAX_ID
 
 MakeNode = Callable[..., Node]
 
@@ -111,6 +114,17 @@ def test_integers_are_taken_for_floats_and_texts_and_stay_what_was_declared(make
     assert (type(node.get_parameter('rate').value), node.get_parameter('source').value) == (float, '0')
     assert node.describe_parameter('rate').floating_point_range[0].to_value == 10.0
     assert not node.set_parameters([Parameter('rate', value=3.0)])[0].successful
+
+
+def test_the_first_id_is_the_one_given_or_by_the_clock(make_node: MakeNode):
+    assert declare_first_id(make_node(first_id=7)) == 7
+    assert declare_first_id(make_node(first_id=MAX_ID)) == MAX_ID
+    for given in ({}, {'first_id': 0}):
+        before = first_id(time.time())
+        assert before <= declare_first_id(make_node(**given)) <= first_id(time.time())
+    for beyond in (-1, MAX_ID + 1):
+        with pytest.raises(ConfigError, match='parameter first_id: expected int from 0 to 4294967295'):
+            declare_first_id(make_node(first_id=beyond))
 
 
 def test_misspelt_names_are_found_known_ones_are_not(make_node: MakeNode):

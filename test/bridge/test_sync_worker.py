@@ -35,6 +35,20 @@ def test_older_incomplete_sets_are_dropped_and_counted():
     assert join.add('flow', 1, 'f1') is None
 
 
+def test_what_is_absent_is_what_the_longest_waiting_set_lacks():
+    join = ExactJoin(('image', 'ego_motion', 'flow'), 4)
+    assert join.absent() == ()
+    join.add('image', 10, 'i10')
+    assert join.absent() == ('ego_motion', 'flow')
+    join.add('image', 11, 'i11')
+    join.add('ego_motion', 11, 'e11')
+    assert join.absent() == ('ego_motion', 'flow')
+    assert join.add('flow', 11, 'f11') is not None
+    assert join.absent() == ()
+    join.add('flow', 12, 'f12')
+    assert join.absent() == ('image', 'ego_motion')
+
+
 @st.composite
 def ordered_topics(draw: st.DrawFn) -> tuple[list[tuple[str, int]], dict[str, set[int]]]:
     """Three topics, each in order of its stamps but with gaps, interleaved anyhow."""

@@ -22,6 +22,7 @@ from warps import (
 from motion_detect_ros.core.config import EgoMotionConfig, PipelineConfig, PreprocessingConfig
 from motion_detect_ros.core.ego_motion.alternatives.registration import make_template
 from motion_detect_ros.core.ego_motion.methods import METHODS, make_method
+from motion_detect_ros.core.ego_motion.smoothing import make_smoother
 from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.types import EgoStatus, MotionModel
@@ -153,6 +154,12 @@ def test_unknown_methods_are_named():
     config = EgoMotionConfig(method='guess')
     with pytest.raises(ConfigError, match='ego_motion.method: expected one of indirect, direct, flow, got .guess.'):
         make_method(config)
+
+
+def test_unknown_filters_are_named():
+    config = EgoMotionConfig(smoothing='guess')
+    with pytest.raises(ConfigError, match='ego_motion.smoothing: expected one of kalman, autoregressive, none, got '):
+        make_smoother(config)
 
 
 def test_details_of_the_laplacian_pyramid_stand_light_that_changes_from_place_to_place():

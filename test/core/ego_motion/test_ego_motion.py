@@ -126,6 +126,9 @@ def test_what_covers_most_of_the_picture_for_a_moment_is_not_the_ground(smoothin
     found = of_each(pictures, smoothing=smoothing)
     assert {each.status for each in found[1:11]} == {EgoStatus.OK}
     assert found[12].status == EgoStatus.OUTLIER_GATED
+    before = next(each for each in reversed(found[:12]) if each.ok)
+    assert found[12].prev_stamp_ns == before.stamp_ns, 'it says what it was compared with'
+    assert found[12].tracks > 0
 
 
 @pytest.mark.parametrize('step_px', [12, 20, 30])

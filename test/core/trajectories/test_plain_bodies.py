@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
-from motion_detect_ros.core.trajectories.plain_bodies import PLAIN_GRAY, PlainRegions, _typical
+from motion_detect_ros.core.trajectories.object_motion import PointMotion
+from motion_detect_ros.core.trajectories.plain_bodies import PLAIN_GRAY, PlainRegions, _typical, joined_parts
 
 HALF = cv2.resize(np.random.default_rng(0).integers(0, 4, (27, 48)).astype(np.uint8) * 40, None, fx=5, fy=5,
                   interpolation=cv2.INTER_NEAREST)
@@ -80,3 +84,63 @@ def test_a_region_within_bounds_reaches_six_pixels_beyond_them(beyond_px: float,
     bounds = BOUNDS[numbers].copy()
     bounds[:, side] += beyond_px if side < 2 else -beyond_px
     assert (regions.within(numbers, bounds[:, :2], bounds[:, 2:]) == is_within).all()
+
+
+#: Nothing is plain but a body, pixels 82 to 158 and 62 to 78 of the image: what is a pixel of the half from its edge.
+ROOF = np.where(np.indices((70, 120)).sum(axis=0) % 2, 255, 0).astype(np.uint8)
+ROOF[30:40, 40:80] = 128
+
+
+def side(x: float) -> list[tuple[float, float]]:
+    return [(x, 64.0), (x, 70.0), (x, 76.0)]
+
+
+def bodies(
+    xs: Sequence[float], ways: Sequence[tuple[float, float]] | None = None, still: Sequence[tuple[float, float]] = (),
+    half: np.ndarray = ROOF, largest_px: float = 100.0,
+) -> list[list[int]]:
+    """What becomes of parts of three points each in columns ``xs``: numbers of those that are joined.
+
+    ways: of each part against the background over half a second, pixels; still: places of points that stand.
+    """
+    places = np.float32([place for x in xs for place in side(x)])
+    way = np.repeat(ways or [(10.0, 0.0)] * len(xs), 3, axis=0).astype(float)
+    motion = replace(PointMotion.at_rest(len(places)), displacements=(way,), seconds=(0.48,))
+    parts = [np.arange(3 * number, 3 * number + 3) for number in range(len(xs))]
+    found = joined_parts(parts, places, np.reshape(np.float32(still), (-1, 2)), motion, half, largest_px)
+    assert sorted(np.concatenate(found).tolist()) == list(range(len(places)))
+    return [sorted({point // 3 for point in body.tolist()}) for body in found]
+
+
+def test_both_ends_of_a_plain_body_are_one():
+    assert bodies([84.0, 156.0]) == [[0, 1]]
+    assert bodies([20.0, 84.0, 156.0]) == [[0], [1, 2]], 'the first one does not touch it'
+    assert bodies([84.0, 156.0, 200.0]) == [[0, 1], [2]]
+    assert bodies([84.0]) == [[0]]
+
+
+def test_what_moves_otherwise_does_not_belong_to_the_body_that_it_touches():
+    assert bodies([84.0, 156.0], [(10.0, 0.0), (10.0, 20.0)]) == [[0], [1]]
+    assert bodies([84.0, 120.0, 156.0], [(10.0, 0.0), (10.0, 20.0), (10.0, 0.0)]) == [[0, 2], [1]]
+
+
+@pytest.mark.parametrize(('rows', 'joined'), [((30, 42), True), ((30, 43), False), ((28, 40), True), ((26, 40), False)])
+def test_a_plain_region_that_goes_on_beside_both_is_ground(rows: tuple[int, int], joined: bool):
+    """Points are in rows 64 to 76, so that it may be from 58 to 82."""
+    half = ROOF.copy()
+    half[slice(*rows), 40:80] = 128
+    assert bodies([84.0, 156.0], half=half) == ([[0, 1]] if joined else [[0], [1]])
+
+
+@pytest.mark.parametrize(('largest_px', 'joined'), [(83.0, True), (81.0, False), (75.0, False)])
+def test_parts_farther_apart_than_the_largest_object_are_not_joined(largest_px: float, joined: bool):
+    """The region is 76 px long; parts 3 px outside of it, 82 px apart, touch it."""
+    assert bodies([79.0, 161.0], largest_px=largest_px) == ([[0, 1]] if joined else [[0], [1]])
+
+
+@pytest.mark.parametrize(('count', 'joined'), [(3, True), (4, False)])
+def test_a_region_with_more_still_points_than_half_of_the_moving_ones_is_part_of_the_scene(count: int, joined: bool):
+    still = [(90.0 + 10.0 * number, 70.0) for number in range(count)]
+    assert bodies([84.0, 156.0], still=still) == ([[0, 1]] if joined else [[0], [1]])
+    away = [(190.0 + number, 70.0) for number in range(8)]
+    assert bodies([84.0, 156.0], still=[*still, *away]) == ([[0, 1]] if joined else [[0], [1]])

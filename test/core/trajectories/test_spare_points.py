@@ -136,9 +136,10 @@ def test_no_new_point_starts_where_the_mask_hides_the_picture():
 
 @pytest.mark.parametrize(('changed', 'cells'), [
     ([(51, 52)], []),  # two pixels of either cell
+    ([(52, 51)], []),  # of either row of cells
     ([(51, 52), (52, 52)], [(20, 20), (21, 20)]),  # three
     ([(51, 51)], [(20, 20)]),  # four
-], ids=['two', 'three', 'four'])
+], ids=['two across', 'two down', 'three', 'four'])
 def test_a_fine_cell_with_three_pixels_that_changed_gets_a_point(
     changed: list[tuple[int, int]], cells: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch,
 ):
