@@ -124,6 +124,21 @@ def test_what_moves_otherwise_does_not_belong_to_the_body_that_it_touches():
     assert bodies([84.0, 120.0, 156.0], [(10.0, 0.0), (10.0, 20.0), (10.0, 0.0)]) == [[0, 2], [1]]
 
 
+@pytest.mark.parametrize(('half_way', 'joined'), [(3.0, True), (0.0, False)], ids=['in a bend', 'straight on'])
+def test_ends_that_go_apart_are_one_body_where_it_turns_as_its_course_does(half_way: float, joined: bool):
+    """Over half a second its ends go 20 px along and 8 px to either side, as 0.22 rad of turn do 36 px from the middle.
+
+    In the bend the middle is 3 px to one side in between, so that the course turns by much more.
+    """
+    places = np.float32([*side(84.0), *side(153.0), *side(159.0)])
+    owner, turned = np.repeat([0, 1], [3, 6]), np.array([-8.0, 8.0])
+    ways = (np.stack([np.full(9, 20.0), turned[owner]], axis=1),
+            np.stack([np.full(9, 10.0), half_way + turned[owner] / 2.0], axis=1))
+    motion = replace(PointMotion.at_rest(9), displacements=ways, seconds=(0.48, 0.24))
+    found = joined_parts([np.arange(3), np.arange(3, 9)], places, np.zeros((0, 2), np.float32), motion, ROOF, 100.0)
+    assert [each.tolist() for each in found] == ([[*range(9)]] if joined else [[0, 1, 2], [*range(3, 9)]])
+
+
 @pytest.mark.parametrize(('rows', 'joined'), [((30, 42), True), ((30, 43), False), ((28, 40), True), ((26, 40), False)])
 def test_a_plain_region_that_goes_on_beside_both_is_ground(rows: tuple[int, int], joined: bool):
     """Points are in rows 64 to 76, so that it may be from 58 to 82."""
