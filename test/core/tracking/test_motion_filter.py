@@ -69,7 +69,10 @@ def test_the_camera_carries_the_position_in_pixel_centres() -> None:
 
 
 def test_what_is_measured_along_one_axis_says_nothing_of_the_other() -> None:
-    """A flow that is 10 px/s off adds 1.25 x 10^2 (px/s)^2 to the variance along it; axes exchanged, all is."""
+    """A flow that is 10 px/s off adds 1.25 x 10^2 (px/s)^2 to the variance along it.
+
+    With the axes exchanged, so are states and variances.
+    """
     def corrected(*lags: tuple[float, float]) -> MotionFilter:
         track = MotionFilter((100.0, 100.0), (0.0, 0.0), 2.0)
         for lag_u, lag_v in lags:

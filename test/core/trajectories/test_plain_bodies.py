@@ -86,7 +86,7 @@ def test_a_region_within_bounds_reaches_six_pixels_beyond_them(beyond_px: float,
     assert (regions.within(numbers, bounds[:, :2], bounds[:, 2:]) == is_within).all()
 
 
-#: Nothing is plain but a body, pixels 82 to 158 and 62 to 78 of the image: what is a pixel of the half from its edge.
+#: Nothing is plain but a body: columns 82 to 158 and rows 62 to 78 of the image, a pixel of the half from its edges.
 ROOF = np.where(np.indices((70, 120)).sum(axis=0) % 2, 255, 0).astype(np.uint8)
 ROOF[30:40, 40:80] = 128
 
