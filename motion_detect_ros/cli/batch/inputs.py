@@ -9,7 +9,8 @@ from pathlib import Path
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.results.files import BAG_NAME, SUMMARY_NAME
-from motion_detect_ros.sources.bags import METADATA_NAME, is_bag, is_recording
+from motion_detect_ros.sources.bag_reader import BAG_SUFFIXES
+from motion_detect_ros.sources.bags import METADATA_NAME, is_recording
 from motion_detect_ros.sources.images import image_files, natural_key
 from motion_detect_ros.sources.kitti import is_kitti_drive
 from motion_detect_ros.sources.opening import looks_like_source
@@ -44,7 +45,7 @@ def expand_inputs(words: Sequence[str], output: Path) -> Inputs:
             found |= dict.fromkeys(_matches(word, output.absolute()))
         elif path.is_dir() and not is_source_folder(path):
             inside = [*_inside(path.absolute(), _skipped(path, output.absolute()))]
-            if not inside and is_bag(path):
+            if not inside and any(each.suffix in BAG_SUFFIXES for each in path.iterdir()):
                 raise SourceError(f'{path}: expected bags, videos or folders of pictures, found only what is hidden or '
                                   'a result of an earlier replay; name the file itself to replay it')
             several = several or bool(inside)
