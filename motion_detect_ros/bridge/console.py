@@ -68,7 +68,7 @@ class ImageLog:
         if name in {self._topic, *map(self._node.resolve_topic_name, self._others)}:
             return False
         publishers = self._publishers(name)
-        if _twin(name) == self._topic or _twin(self._topic) == name:
+        if compressed_beside(name) == self._topic or compressed_beside(self._topic) == name:
             publishers -= self._publishers(self._topic)
         return any(name not in (_of(node, other) for other in self._others) for node in publishers)
 
@@ -77,7 +77,7 @@ class ImageLog:
         return {(info.node_namespace, info.node_name) for info in self._node.get_publishers_info_by_topic(topic)}
 
 
-def _twin(topic: str) -> str:
+def compressed_beside(topic: str) -> str:
     """Where a node that publishes raw images on ``topic`` publishes them compressed."""
     return f'{topic}/compressed'
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from rclpy.node import Node
 
+from motion_detect_ros.bridge.console import compressed_beside
 from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.bridge.qos import IMAGE_RELIABILITIES, IMAGE_TRANSPORTS
 from motion_detect_ros.bridge.topics import COMPRESSED, IMAGE, Topic
@@ -45,7 +46,7 @@ def _compressed_topic(node: Node) -> Topic:
     """Beside the raw images, wherever these are remapped to, as image_transport has it; its own remapping wins."""
     if _remapped(node, COMPRESSED.name) or not _remapped(node, IMAGE.name):
         return COMPRESSED
-    return replace(COMPRESSED, name=COMPRESSED.name.replace(IMAGE.name, node.resolve_topic_name(IMAGE.name)))
+    return replace(COMPRESSED, name=compressed_beside(node.resolve_topic_name(IMAGE.name)))
 
 
 def _remapped(node: Node, name: str) -> bool:
