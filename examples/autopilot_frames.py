@@ -72,9 +72,9 @@ def sectors_of(frd, range_m):
     """
     ranges = np.full(SECTORS, np.nan)
     level = np.hypot(frd[:, 0], frd[:, 1])
-    frd, level = frd[level > math.cos(math.radians(STEEP_DEG))], level[level > math.cos(math.radians(STEEP_DEG))]
-    degrees = np.degrees(np.arctan2(frd[:, 1], frd[:, 0]))
-    np.fmin.at(ranges, np.round(degrees * SECTORS / 360).astype(int) % SECTORS, range_m * level)
+    beside = level > math.cos(math.radians(STEEP_DEG))
+    degrees = np.degrees(np.arctan2(frd[beside, 1], frd[beside, 0]))
+    np.fmin.at(ranges, np.round(degrees * SECTORS / 360).astype(int) % SECTORS, range_m * level[beside])
     return ranges
 
 
