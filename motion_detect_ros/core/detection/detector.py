@@ -91,11 +91,12 @@ def without_fragments(candidates: list[Candidate]) -> list[Candidate]:
         return []
     centre, size, velocity = (np.array([getattr(one, name) for one in candidates])
                               for name in ('centre', 'size', 'velocity_px_s'))
-    area, speed = size.prod(axis=1), magnitude(velocity)
-    much_larger = area[:, None] <= FRAGMENT_SHARE * area
-    gap = np.abs(centre[:, None] - centre) - (size[:, None] + size) / 2.0
-    beside = gap.max(axis=2) <= BESIDE_SHARE * np.sqrt(area)[:, None]
-    difference = velocity[:, None] - velocity
-    alike = magnitude(difference) < ALIKE_SHARE * speed
-    fragment = (much_larger & beside & alike).any(axis=1)
-    return [one for one, drop in zip(candidates, fragment, strict=True) if not drop]
+    area, half = size.prod(axis=1), size / 2.0
+    pairs = area[:, None] <= FRAGMENT_SHARE * area
+    for axis in (0, 1):
+        gap = np.abs(centre[:, None, axis] - centre[:, axis]) - (half[:, None, axis] + half[:, axis])
+        pairs &= gap <= BESIDE_SHARE * np.sqrt(area)[:, None]
+    small, large = np.nonzero(pairs)  # few
+    alike = magnitude(velocity[small] - velocity[large]) < ALIKE_SHARE * magnitude(velocity[large])
+    fragments = set(small[alike].tolist())
+    return [one for index, one in enumerate(candidates) if index not in fragments]

@@ -21,15 +21,16 @@ from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.geometry.warp import apply
 from motion_detect_ros.core.periods import Every
 from motion_detect_ros.core.trajectories.new_points import BORDER_PX, NewPoints
-from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrames
+from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrame, RecentFrames
 from motion_detect_ros.core.types import BoolArray, ByteArray, FloatArray
 
 #: Window of the tracker, pixels; its iterations and the step, pixels, at which they end; least eigenvalue of its
 #: matrix, and largest mean error, grey levels.
-WINDOW_PX = 9
+WINDOW_PX = 8
 ITERATIONS, SMALL_STEP_PX = 12, 0.02
-#: Levels of the pyramid, above the first, for points that are not where they were looked for.
-FAR_LEVELS = 2
+#: Levels of the pyramid, above the first, for points that are not where they were looked for, and the window there; the
+#: second level is the halved image, whose pixel centres are by so much of a pixel off.
+FAR_LEVELS, FAR_WINDOW_PX, HALF_PX = 2, 12, np.float32(0.5)
 LEAST_EIGENVALUE, MAX_ERROR_GRAY = 6e-4, 18.0
 #: How often points are tracked back, too, and new ones start, seconds; largest forward-backward error, pixels.
 CHECKED_EVERY_S, FORWARD_BACKWARD_PX = 0.07, 0.3
@@ -43,7 +44,7 @@ NEIGHBOURHOOD_PX = 24
 MAX_WIDTH_PX = 8192
 
 _OPTIONS = {
-    'winSize': (WINDOW_PX, WINDOW_PX), 'flags': cv2.OPTFLOW_USE_INITIAL_FLOW, 'minEigThreshold': LEAST_EIGENVALUE,
+    'flags': cv2.OPTFLOW_USE_INITIAL_FLOW, 'minEigThreshold': LEAST_EIGENVALUE,
     'criteria': (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, ITERATIONS, SMALL_STEP_PX)}
 
 
@@ -163,7 +164,7 @@ class PointTracker:
     def _tracked(self, frames: RecentFrames, mask: BoolArray | None, checked: npt.NDArray[np.intp]) -> Points:
         """checked: indices of the points that are tracked back, too."""
         points, dt_s = self._points, frames.seconds(1)
-        current, previous = frames[0].gray, frames[1].gray
+        current, previous = frames[0], frames[1]
         carried = apply(frames[1].matrix, points.now)
         start = carried + points.velocity * np.float32(dt_s)
         now, good = _follow(previous, current, points.now, start)
@@ -171,33 +172,41 @@ class PointTracker:
             was, there = points.now[checked], now[checked]
             back, found = _follow(current, previous, there, was + (there - start[checked]))
             good[checked] &= found & (magnitude(back - was) < FORWARD_BACKWARD_PX)
-        good &= _usable(now, current.shape, mask)
+        good &= _usable(now, current.gray.shape, mask)
         velocity = (now - carried) / np.float32(dt_s)
         gain = np.where(points.age > 0, VELOCITY_GAIN, 1.0).astype(np.float32)[:, None]
         oldest_first = np.argsort(-points.age, kind='stable')
-        height, width = current.shape
+        height, width = current.gray.shape
         one_a_cell = first_of_cells(now, THINNED_PX, width, height, oldest_first[good[oldest_first]])
         return points.moved(one_a_cell, now, points.velocity + gain * (velocity - points.velocity))
 
 
 def _follow(
-    one: ByteArray, other: ByteArray, points: FloatArray, start: FloatArray,
+    one: RecentFrame, other: RecentFrame, points: FloatArray, start: FloatArray,
 ) -> tuple[FloatArray, BoolArray]:
     """(N, 2) positions in ``other``, and (N,) whether they were found, over a pyramid where not without."""
-    now, good = _lucas_kanade(one, other, points, start, 0)
+    now, good = _lucas_kanade(one.gray, other.gray, points, start)
     failed = np.flatnonzero(~good)
     if len(failed):
-        now[failed], good[failed] = _lucas_kanade(one, other, points[failed], start[failed], FAR_LEVELS)
+        far, _ = _lucas_kanade(one.half, other.half, _halved(points[failed]), _halved(start[failed]), FAR_WINDOW_PX,
+                               FAR_LEVELS - 1)
+        now[failed], good[failed] = _lucas_kanade(one.gray, other.gray, points[failed], far * 2 + HALF_PX)
     return now, good
 
 
+def _halved(places: FloatArray) -> FloatArray:
+    """(N, 2) where pixels are in an image of half the size."""
+    return np.asarray((places - HALF_PX) / 2, np.float32)
+
+
 def _lucas_kanade(
-    one: ByteArray, other: ByteArray, points: FloatArray, start: FloatArray, levels: int,
+    one: ByteArray, other: ByteArray, points: FloatArray, start: FloatArray, window_px: int = WINDOW_PX,
+    levels: int = 0,
 ) -> tuple[FloatArray, BoolArray]:
     """(N, 2) positions in ``other``, and (N,) whether they were found. levels: of the pyramid, above the first."""
     moved, found, error = lucas_kanade(
         one, other, np.ascontiguousarray(points), np.array(start, np.float32, order='C'),
-        {**_OPTIONS, 'maxLevel': levels})
+        {**_OPTIONS, 'winSize': (window_px, window_px), 'maxLevel': levels})
     good: BoolArray = (found.ravel() > 0) & (error.ravel() < MAX_ERROR_GRAY)
     return moved, good
 
