@@ -166,7 +166,9 @@ class LiveGraph:
     def _check_alive(self) -> None:
         for node, process in self._processes.items():
             if process.poll() is not None:
-                raise SourceError(f'{node}: ended with exit code {process.poll()}: {self.output(node).strip()}')
+                lines = self.output(node).strip().splitlines()
+                said = '\n'.join(line for line in lines if not line.startswith('[INFO]'))
+                raise SourceError(f'{node}: ended with exit code {process.poll()}' + (f': {said}' if said else ''))
 
     def _stop(self) -> None:
         for process in self._started:

@@ -11,7 +11,7 @@ from pathlib import Path
 import motion_detect_ros
 from motion_detect_ros.bridge.serialized import header_stamp_ns
 from motion_detect_ros.cli.batch.inputs import size_of
-from motion_detect_ros.cli.batch.jobs import UNREADABLE, Job, Outcome
+from motion_detect_ros.cli.batch.jobs import PARTIAL, UNREADABLE, Job, Outcome, UnfinishedError
 from motion_detect_ros.cli.batch.resume import outcome_of_live
 from motion_detect_ros.cli.live import (
     CAMERA_TOPIC,
@@ -55,6 +55,8 @@ def run_live_job(job: Job, preset: str, rate: float) -> Outcome:
     """Play one bag; whatever goes wrong becomes the outcome, so that the others are still played."""
     try:
         return outcome_of_live(job.folder, replay_live(job, preset, rate))
+    except UnfinishedError as error:
+        return Outcome(PARTIAL, f'error: {error}')
     except MotionDetectError as error:
         return Outcome(UNREADABLE, f'error: {error}')
     except OSError as error:
@@ -66,8 +68,9 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
     are not asked for an answer. preset: what the settings of the job were read from.
 
     Writes the same detections.csv and detections.mcap as the replay in process; summary.json holds counts and
-    latencies from image to detections. Raises: SourceError for an input that is no bag, or none with such images;
-    KeyboardInterrupt, after what was answered until then is in the ``.part`` files.
+    latencies from image to detections. Raises: SourceError for an input that is no bag, or none with such images, and
+    where a node does not start; UnfinishedError where one ends later, and KeyboardInterrupt, after what was answered
+    until then is in the ``.part`` files.
     """
     bag, input_bytes = Path(job.path), size_of(job.path)
     if bag.exists() and not is_bag(bag):
@@ -80,7 +83,8 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
     if job.config.imu.use and frames.imu_topic:
         topics[frames.imu_topic] = IMU_TOPIC
     given = ('rectified:=true',) if job.rectified else ()
-    heard, stopped = tuple[Received, ...](), False
+    heard: tuple[Received, ...] = ()
+    stopped: BaseException | None = None
     try:
         with LiveGraph(preset, parameters=given, compressed=compressed) as graph:
             try:
@@ -90,17 +94,22 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
     except KeyboardInterrupt:
         if not heard:
             raise KeyboardInterrupt(f'{job.folder}: no image was answered yet, nothing was written') from None
-        stopped = True
+        stopped = KeyboardInterrupt()
+    except SourceError as error:
+        if not heard:
+            raise
+        stopped = UnfinishedError(f'{error}; {len(heard)} answers are kept in the .part files')
     summary = live_summary(job, input_bytes, recorded, heard)
     _write(job, summary, recorded.frame_of, heard, stopped)
     return summary
 
 
 def _write(
-    job: Job, summary: LiveSummary, frame_of: Mapping[int, int], heard: Sequence[Received], stopped: bool,
+    job: Job, summary: LiveSummary, frame_of: Mapping[int, int], heard: Sequence[Received],
+    stopped: BaseException | None,
 ) -> None:
-    """Summary and detections. Raises: KeyboardInterrupt where ``stopped``; the detections stay in ``.part`` files then,
-    by which the next run knows that it is to be done anew.
+    """Summary and detections. Raises: ``stopped``, what ended the playback early; the detections stay in ``.part``
+    files then, by which the next run knows that it is to be done anew.
     """
     try:
         job.folder.mkdir(parents=True, exist_ok=True)
@@ -112,9 +121,9 @@ def _write(
                     if message.stamp_ns in frame_of:
                         outputs.write(FrameDetections(frame_of[message.stamp_ns], message.stamp_ns, message.records))
                 if stopped:
-                    raise KeyboardInterrupt
+                    raise stopped
     except (MotionDetectError, OSError) as error:
-        if stopped:  # the other inputs are not to be played all the same
+        if isinstance(stopped, KeyboardInterrupt):  # the other inputs are not to be played all the same
             raise KeyboardInterrupt(str(error)) from None
         raise
 

@@ -277,6 +277,30 @@ def test_an_interrupted_playback_keeps_its_answers_and_is_played_anew(
     assert sorted(path.name for path in (out / 'a').iterdir()) == ['detections.csv', 'detections.mcap', 'summary.json']
 
 
+def test_a_node_that_dies_in_playback_leaves_what_was_answered(patient: list[str], tmp_path: Path):
+    write_scene(tmp_path / 'a.mcap', 60)
+    out = tmp_path / 'out'
+    with peer_here() as peer:
+        answers = peer.subscribe(topics.DETECTIONS.kind, '/detections')
+        running = live_process(str(tmp_path / 'a.mcap'), *patient, '-o', str(out))
+        assert peer.until(lambda: len(answers) > 5 or running.poll() is not None)
+        children = Path(f'/proc/{running.pid}/task/{running.pid}/children').read_text().split()
+        node, = (int(child) for child in children
+                 if b'motion_detect_ros.nodes.optical_flow' in Path(f'/proc/{child}/cmdline').read_bytes())
+        os.kill(node, signal.SIGKILL)
+        assert peer.until(lambda: running.poll() is not None)
+    _, stderr = running.communicate()
+    assert_nobody_left(running.pid)
+    answered = json.loads((out / 'summary.json').read_text())['answered']
+    assert 5 < answered < 60
+    assert running.returncode == 3
+    assert stderr == (f'error: optical_flow: ended with exit code -9; {answered} answers are kept in the .part files\n')
+    with BagReader(out / 'detections.mcap.part') as reader:
+        assert len([*reader.messages(['/detections'])]) == answered
+    assert sorted(path.name for path in out.iterdir()) == [
+        'detections.csv.part', 'detections.mcap.part', 'summary.json']
+
+
 @pytest.mark.parametrize('send', [os.kill, os.killpg])
 def test_an_interrupt_while_the_nodes_start_writes_nothing_and_says_so(
     send: Callable[[int, signal.Signals], None], tmp_path: Path,

@@ -24,13 +24,14 @@ from motion_detect_ros.core.trajectories.new_points import BORDER_PX, NewPoints
 from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrame, RecentFrames
 from motion_detect_ros.core.types import BoolArray, ByteArray, FloatArray
 
-#: Window of the tracker, pixels; its iterations and the step, pixels, at which they end; least eigenvalue of its
-#: matrix, and largest mean error, grey levels.
-WINDOW_PX = 8
+#: Window of the tracker, width and height, pixels: OpenCV handles 8 pixels of a row at once, others one by one. Its
+#: iterations and the step, pixels, at which they end; least eigenvalue of its matrix, and largest mean error, grey
+#: levels.
+WINDOW_PX = 8, 10
 ITERATIONS, SMALL_STEP_PX = 12, 0.02
 #: Levels of the pyramid, above the first, for points that are not where they were looked for, and the window there; the
 #: second level is the halved image, whose pixel centres are by so much of a pixel off.
-FAR_LEVELS, FAR_WINDOW_PX, HALF_PX = 2, 12, np.float32(0.5)
+FAR_LEVELS, FAR_WINDOW_PX, HALF_PX = 2, (12, 12), np.float32(0.5)
 LEAST_EIGENVALUE, MAX_ERROR_GRAY = 6e-4, 18.0
 #: How often points are tracked back, too, and new ones start, seconds; largest forward-backward error, pixels.
 CHECKED_EVERY_S, FORWARD_BACKWARD_PX = 0.07, 0.3
@@ -200,13 +201,13 @@ def _halved(places: FloatArray) -> FloatArray:
 
 
 def _lucas_kanade(
-    one: ByteArray, other: ByteArray, points: FloatArray, start: FloatArray, window_px: int = WINDOW_PX,
+    one: ByteArray, other: ByteArray, points: FloatArray, start: FloatArray, window_px: tuple[int, int] = WINDOW_PX,
     levels: int = 0,
 ) -> tuple[FloatArray, BoolArray]:
     """(N, 2) positions in ``other``, and (N,) whether they were found. levels: of the pyramid, above the first."""
     moved, found, error = lucas_kanade(
         one, other, np.ascontiguousarray(points), np.array(start, np.float32, order='C'),
-        {**_OPTIONS, 'winSize': (window_px, window_px), 'maxLevel': levels})
+        {**_OPTIONS, 'winSize': window_px, 'maxLevel': levels})
     good: BoolArray = (found.ravel() > 0) & (error.ravel() < MAX_ERROR_GRAY)
     return moved, good
 
