@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import gc
 import json
 import logging
 import platform
+import queue
 import shutil
+import threading
 import time
 import uuid
 from collections.abc import Iterator, Sequence
@@ -30,12 +33,15 @@ from motion_detect_ros.results.files import write_whole
 from motion_detect_ros.results.ownership import LOCK_NAME, is_owned, owned
 
 CONNECT_S = 20.0
+#: What answers nothing is given up after so many times as long.
+PATIENCE = 1.25
 #: How often a job says how far it is and looks whether it is still wanted, s.
 LOOK_S = 1.0
 #: How long a job waits for a folder that another process writes: longer than a file server keeps the locks of a machine
 #: that has gone (NFS 4: 90 s).
 FREE_S = 120.0
 _EXPECTED = 'expected the address of a Dask scheduler (tcp://HOST:8786) or the file that it wrote'
+_NO_DASK = 'what answers there is no Dask'
 TOPIC = 'motion_detect_ros.replay'
 
 
@@ -135,11 +141,40 @@ def _connect(distributed: Any, scheduler: str) -> Any:
         logging.getLogger(name).setLevel(logging.CRITICAL)
     address = _address_of(scheduler)
     try:
+        _reach(distributed, address)
         return distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
     except Exception as error:  # whatever Dask makes of an address that is none, or of what answers there
         reason = ' '.join(str(error).split()) or type(error).__name__
     gc.collect()  # ends what was made of a client; when Python ends its threads are gone, and it would wait for them
     raise SourceError(f'--scheduler {scheduler}: {_EXPECTED}: {reason}')
+
+
+def _reach(distributed: Any, address: str) -> None:
+    """Greet what is at an address, as a client would wait for ever for the greeting of what is no Dask.
+
+    Raises: TimeoutError where none comes; whatever Dask raises otherwise.
+    """
+    async def greet() -> None:
+        comm = await distributed.comm.connect(address, timeout=CONNECT_S)
+        await comm.close()
+
+    def run() -> None:
+        try:
+            asyncio.run(greet())
+            ended.put(None)
+        except MemoryError:  # a greeting in another language, taken for a length
+            ended.put(TimeoutError(_NO_DASK))
+        except Exception as error:  # raised below
+            ended.put(error)
+
+    ended: queue.SimpleQueue[Exception | None] = queue.SimpleQueue()
+    threading.Thread(target=run, daemon=True).start()
+    try:
+        error = ended.get(timeout=PATIENCE * CONNECT_S)
+    except queue.Empty:
+        error = TimeoutError(_NO_DASK)
+    if error is not None:
+        raise error
 
 
 def _address_of(scheduler: str) -> str:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -209,6 +211,34 @@ def test_no_scheduler_there(
         message = capsys.readouterr().err
         assert message.startswith(f'error: --scheduler {address}: expected the address of a Dask scheduler')
         assert message.count('\n') == 1
+
+
+@pytest.mark.parametrize('answer', [b'', b'HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\n\r\n'])
+def test_what_is_no_dask_is_given_up(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], answer: bytes,
+):
+    """Some server: one that waits for its client to speak, and one that speaks another language."""
+    pytest.importorskip('distributed', reason='Dask is an extra')
+    monkeypatch.setattr(cluster, 'CONNECT_S', 1.0)
+    with socket.create_server(('127.0.0.1', 0)) as server:
+        address = f'tcp://127.0.0.1:{server.getsockname()[1]}'
+        clients = []
+
+        def serve() -> None:
+            with suppress(OSError):
+                while True:
+                    client, _ = server.accept()
+                    client.sendall(answer)
+                    clients.append(client)
+
+        threading.Thread(target=serve, daemon=True).start()
+        assert main(['replay', '--no-report', str(folder), '-o', str(tmp_path / 'out'), '--scheduler', address]) == 2
+        assert clients
+        for client in clients:
+            client.close()
+    assert capsys.readouterr().err == (
+        f'error: --scheduler {address}: expected the address of a Dask scheduler (tcp://HOST:8786) or the file that it '
+        'wrote: what answers there is no Dask\n')
 
 
 def test_without_dask_the_extra_is_named(
