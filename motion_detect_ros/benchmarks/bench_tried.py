@@ -1,7 +1,31 @@
 """``bench``: what was tried to make it faster, and what came of it; text of docs/performance.md."""
 
 #: Written by hand: trials are not part of a run.
-TRIED = '''## What pays, and what does not
+TRIED = '''## What was aimed at
+
+Goals for two cores on real clips, where they stand, and what is in the way; figures of the tables above and below.
+
+| goal | stands at | in the way |
+|---|---|---|
+| frame to answer 22, 25, 25 ms (305, `uavdt_M1303`, KITTI) | 14, 17, 23 ms | reached |
+| its 95th percentile 1.2 times the median | 1.13, 1.12, 1.08 | reached; 1.2 to 1.4 while others use the machine |
+| processor time 38, 44, 44 ms | 40, 47, 30 ms | one thread takes 37.5, 43.5, 28.8 ms: the rest is what two threads \
+cost each other. The points' tracker alone is 6 ms for 8000 points forwards and backwards; fewer points or smaller \
+windows cost small objects |
+| one thread on 305 42 ms | 37.5 ms | reached |
+| faster than both plain methods | 14, 17, 23 ms; 27, 33, 26 and 20, 26, 23 ms | reached, on KITTI by a little; in \
+processor time faster than the difference everywhere, than KLT + DBSCAN on KITTI only |
+| 100 objects 1.3 times as dear as none (default, 1600x900, one thread) | 1.6 times: 64, 100 ms | 177 candidates: \
+photometric test 8 ms, their patches 6, tracks 4, boxes 3, growth 3, all of it once for each object; the flow is the \
+same |
+| `replay` 1.6 times as fast by overlapping its steps | 1.2 to 1.3 times | processor time: two cores are busy before \
+and after (below) |
+| first start after an installation 6 s | 6.3 to 6.6 s on a quiet machine, 11 s beside others | 59 kernels take 20 s \
+of processor time of numba; `selftest` compiles them beforehand, then 1.5 s |
+| `pipeline` at most 350 MB, first start included | 310 to 350 MB | reached with the preset `default`; `visdrone` 380 \
+MB after half an hour |
+
+## What pays, and what does not
 
 Measured when it was built or tried, on the clips named; accuracy that it costs or gains: [accuracy.md](accuracy.md).
 
@@ -57,6 +81,11 @@ points, in every second frame) | 4.2 ms | 3.2 ms |
 where they are compiled first, and memory then; two runs in turn, quiet machine) | 8.9 to 9.5 s, 406 MB | 6.3 to 6.6 \
 s, 367 MB |
 | what the start has freed is given back once (memory at that message) | 367 MB | 347 MB |
+| points tracked in windows of 8 x 10 instead of 9 x 9 px, and what fails again from halved pictures (5000 points by \
+one thread; the whole process over 260 frames of 305 and 160 of `uavdt_M1303`, one thread, processor time, six pairs \
+in turn, whose ratios have the medians 0.99 and 0.95) | 3.2 ms; 12.2, 10.9 s | 2.8 ms; 12.2, 10.6 s |
+| fragments are looked for beside larger objects only, instead of in all pairs (default, 100 objects, a frame) | 2.8 \
+ms | 0.6 ms |
 | `replay`, `demo` and `tune` have missing kernels compiled by other processes first, and say so (first replay of 12 \
 frames after an installation, `visdrone`, two runs in turn) | 23.5, 26.9 s | 15.5, 15.5 s |
 
@@ -77,6 +106,8 @@ much of both holds Python's lock |
 second, behind the answer, for 130 lines: SciPy's stays |
 | pictures shrunk by bicubic interpolation instead of by area where they stay over 0.7 times as large (`uavdt_M1303`, \
 a frame) | 0.5 instead of 1.6 ms, for 0.01 of F1 ([accuracy.md](accuracy.md#luck)) |
+| seed points of the ego-motion tracked in halved pictures (960x540, a frame) | 0.5 instead of 1.2 ms, for 0.03 of F1 \
+on KITTI ([accuracy.md](accuracy.md#luck)) |
 | triangulation by OpenCV's `Subdiv2D` | 2.0 instead of 4.8 ms, but it refuses points on a lattice or a line |
 | kernels for the normal equations of the ego-motion's and the background's samples, weights and cost | 0.1 ms a \
 frame for 2 s of compiling |
