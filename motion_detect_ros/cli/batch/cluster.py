@@ -155,7 +155,8 @@ def _reach(distributed: Any, address: str) -> None:
     Raises: TimeoutError where none comes; whatever Dask raises otherwise.
     """
     async def greet() -> None:
-        comm = await distributed.comm.connect(address, timeout=CONNECT_S)
+        certificates = distributed.Security().get_connection_args('client')  # of Dask's configuration, as a client's
+        comm = await distributed.comm.connect(address, timeout=CONNECT_S, **certificates)
         await comm.close()
 
     def run() -> None:
