@@ -173,12 +173,13 @@ def warm_up(config: PipelineConfig, detection: bool = True) -> None:
     width = min(max(MIN_WARM_UP_PX, config.preprocessing.max_width_px), MAX_WARM_UP_PX)
     random = np.random.default_rng(0)
     ground = random.integers(0, 255, (width * 9 // 16, width), np.uint8)
-    thing, small = random.integers(0, 255, (40, 130), np.uint8), random.integers(0, 255, (40, 40), np.uint8)
+    thing, small = (random.integers(0, 255, (10, width_px // 4), np.uint8).repeat(4, 0).repeat(4, 1)  # easily tracked
+                    for width_px in (132, 40))
     thing[:, 30:100] = 128  # a plain body with points at its ends
     for index in range(WARM_UP_FRAMES):
         image = ground.copy()
         left = 40 + 6 * index
-        image[60:100, left:left + 130] = thing
+        image[60:100, left:left + 132] = thing
         image[140:180, left:left + 40] = small  # goes further than its length: shadows are looked for
         measured = pipeline.measure(image, (index + 1) * NANOSECONDS // 25)
         if detection:
