@@ -28,6 +28,12 @@ def at_full_resolution(points: FloatArray, scale: float) -> FloatArray:
     return full
 
 
+def points_at_scale(points: FloatArray, scale: float) -> FloatArray:
+    """(N, 2) float32 pixels of an image, in the same image at ``scale`` of its size; centres as in ``at_scale``."""
+    scaled: FloatArray = points * np.float32(scale) + np.float32(0.5 * scale - 0.5)
+    return scaled
+
+
 def stabilise(earlier: ByteArray, matrix: DoubleArray) -> ByteArray:
     """``earlier``, (h, w) uint8, warped onto the later frame; border pixels are replicated.
 

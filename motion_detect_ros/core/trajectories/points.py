@@ -18,7 +18,7 @@ import numpy.typing as npt
 from motion_detect_ros.core.geometry.cells import first_of_cells
 from motion_detect_ros.core.geometry.lucas_kanade import lucas_kanade
 from motion_detect_ros.core.geometry.vectors import magnitude
-from motion_detect_ros.core.geometry.warp import apply
+from motion_detect_ros.core.geometry.warp import apply, points_at_scale
 from motion_detect_ros.core.periods import Every
 from motion_detect_ros.core.trajectories.new_points import BORDER_PX, NewPoints
 from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrame, RecentFrames
@@ -29,10 +29,10 @@ from motion_detect_ros.core.types import BoolArray, ByteArray, FloatArray
 #: levels.
 WINDOW_PX = 8, 10
 ITERATIONS, SMALL_STEP_PX = 12, 0.02
-#: Levels of the pyramid, above the first, for points that are not where they were looked for, and the window there; the
-#: second level is the halved image, whose pixel centres are by so much of a pixel off.
-FAR_LEVELS, FAR_WINDOW_PX, HALF_PX = 2, (12, 12), np.float32(0.5)
 LEAST_EIGENVALUE, MAX_ERROR_GRAY = 6e-4, 18.0
+#: Levels of the pyramid, above the first, for points that are not where they were looked for, and the window there; the
+#: first of them is the halved image.
+FAR_LEVELS, FAR_WINDOW_PX = 2, (12, 12)
 #: How often points are tracked back, too, and new ones start, seconds; largest forward-backward error, pixels.
 CHECKED_EVERY_S, FORWARD_BACKWARD_PX = 0.07, 0.3
 #: Of points in one cell of this size the oldest stays, pixels.
@@ -189,22 +189,20 @@ def _follow(
     now, good = _lucas_kanade(one.gray, other.gray, points, start)
     failed = np.flatnonzero(~good)
     if len(failed):
-        far, _ = _lucas_kanade(one.half, other.half, _halved(points[failed]), _halved(start[failed]), FAR_WINDOW_PX,
-                               FAR_LEVELS - 1)
-        now[failed], good[failed] = _lucas_kanade(one.gray, other.gray, points[failed], far * 2 + HALF_PX)
+        far, _ = _lucas_kanade(one.half, other.half, points_at_scale(points[failed], 0.5),
+                               points_at_scale(start[failed], 0.5), FAR_WINDOW_PX, FAR_LEVELS - 1)
+        now[failed], good[failed] = _lucas_kanade(one.gray, other.gray, points[failed], points_at_scale(far, 2.0))
     return now, good
-
-
-def _halved(places: FloatArray) -> FloatArray:
-    """(N, 2) where pixels are in an image of half the size."""
-    return np.asarray((places - HALF_PX) / 2, np.float32)
 
 
 def _lucas_kanade(
     one: ByteArray, other: ByteArray, points: FloatArray, start: FloatArray, window_px: tuple[int, int] = WINDOW_PX,
     levels: int = 0,
 ) -> tuple[FloatArray, BoolArray]:
-    """(N, 2) positions in ``other``, and (N,) whether they were found. levels: of the pyramid, above the first."""
+    """(N, 2) positions in ``other``, and (N,) whether they were found.
+
+    window_px: width and height; levels: of the pyramid, above the first.
+    """
     moved, found, error = lucas_kanade(
         one, other, np.ascontiguousarray(points), np.array(start, np.float32, order='C'),
         {**_OPTIONS, 'winSize': window_px, 'maxLevel': levels})

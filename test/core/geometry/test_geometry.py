@@ -14,7 +14,7 @@ from motion_detect_ros.core.detection.segments import connected_segments
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.carried import carried
 from motion_detect_ros.core.geometry.motion_chain import MotionChain
-from motion_detect_ros.core.geometry.warp import apply, at_scale, grid_points
+from motion_detect_ros.core.geometry.warp import apply, at_scale, grid_points, points_at_scale
 from motion_detect_ros.core.types import EgoMotion, EgoStatus
 
 SECOND = 1_000_000_000
@@ -29,6 +29,14 @@ def ego(previous_s: float, now_s: float, matrix: np.ndarray, status: EgoStatus =
 
 
 class TestWarp:
+    def test_points_keep_their_place_at_another_scale(self):
+        """A pixel at half the size is two by two: the first one's centre is between the first two."""
+        points = np.array([[0.5, 2.5], [10.0, 0.0]], np.float32)
+        half = points_at_scale(points, 0.5)
+        assert half.dtype == np.float32
+        assert half.tolist() == [[0.0, 1.0], [4.75, -0.25]]
+        assert points_at_scale(half, 2.0).tolist() == points.tolist()
+
     def test_half_resolution(self):
         # full: x -> x + 10. Pixel 3.5 (between 3 and 4) of the full image is pixel 1.5 of the half; 13.5 is 6.5.
         half = at_scale(shift(10, 4), 0.5)
