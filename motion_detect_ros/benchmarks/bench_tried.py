@@ -7,13 +7,14 @@ Goals for two cores on real clips, where they stand, and what is in the way; fig
 
 | goal | stands at | in the way |
 |---|---|---|
-| frame to answer 22, 25, 25 ms (305, `uavdt_M1303`, KITTI) | 14, 17, 23 ms | reached |
-| its 95th percentile 1.2 times the median | 1.13, 1.12, 1.08 | reached; 1.2 to 1.4 while others use the machine |
-| processor time 38, 44, 44 ms | 40, 47, 30 ms | one thread takes 37.5, 43.5, 28.8 ms: the rest is what two threads \
-cost each other. The points' tracker alone is 6 ms for 8000 points forwards and backwards; fewer points or smaller \
-windows cost small objects |
-| one thread on 305 42 ms | 37.5 ms | reached |
-| faster than both plain methods | 14, 17, 23 ms; 27, 33, 26 and 20, 26, 23 ms | reached, on KITTI by a little; in \
+| frame to answer 22, 25, 25 ms (305, `uavdt_M1303`, KITTI) | 14, 17, 24 ms | reached |
+| its 95th percentile 1.2 times the median | 1.22, 1.29, 1.16 | what others do on the machine: 1.17, 1.14, 1.16 for \
+the stabilised difference in the same run; in a quieter hour 1.13, 1.12, 1.08 |
+| processor time 38, 44, 44 ms | 41, 47, 31 ms | one thread takes 37, 42, 29 ms: the rest is what two threads cost \
+each other. The points' tracker alone is 6 ms for 8000 points forwards and backwards; fewer points or smaller windows \
+cost small objects |
+| one thread on 305 42 ms | 37 ms | reached |
+| faster than both plain methods | 14, 17, 24 ms; 30, 30, 27 and 23, 24, 24 ms | reached, on KITTI by a little; in \
 processor time faster than the difference everywhere, than KLT + DBSCAN on KITTI only |
 | 100 objects 1.3 times as dear as none (default, 1600x900, one thread) | 1.6 times: 64, 100 ms | 177 candidates: \
 photometric test 8 ms, their patches 6, tracks 4, boxes 3, growth 3, all of it once for each object; the flow is the \
