@@ -219,7 +219,7 @@ class ObjectsConfig:
     """From clusters to boxes."""
 
     min_side_px: float = setting(6.0, 'smaller boxes are dropped', low=1.0, high=1000.0, unit='px')
-    max_area_share: float = setting(0.5, 'larger boxes are dropped, share of the image', low=0.001, high=1.0)
+    max_area_share: float = setting(0.8, 'larger boxes are dropped, share of the image', low=0.001, high=1.0)
     join_match: float = setting(
         0.5, 'neighbouring clusters whose match is at least this are one object', low=0.0, high=1.0)
     photometric_sigma: float = setting(

@@ -22,8 +22,11 @@ from motion_detect_ros.core.types import CameraModel, FloatArray
 
 #: Dimensions of a correspondence, and of those the free ones on a surface and in space.
 DATA_DIMENSION, SURFACE_DIMENSION, SPACE_DIMENSION = 4, 2, 3
-#: Penalty of a free coordinate (ln 4) and truncation of the squared error, both per point (Torr 1998).
-PER_DIMENSION, OUTLIER = math.log(4.0), 2.0
+#: Penalty of a free coordinate, per point: halfway from Torr's ln 4 (1998) to Kanatani's 2 (geometric AIC, 1998). With
+#: ln 4 one large object before a camera that only turns passes for a near part of a static scene (docs/accuracy.md).
+PER_DIMENSION = 0.5 * (math.log(4.0) + 2.0)
+#: Truncation of the squared error, per point (Torr 1998).
+OUTLIER = 2.0
 #: Noise assumed of the flow when the models are compared: pixels, and share of the flow.
 NOISE_PX, NOISE_SHARE = 0.3, 0.02
 #: Time constant of the smoothed score, seconds, and how far it must cross zero before the model changes.

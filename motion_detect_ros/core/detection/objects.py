@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -24,6 +26,8 @@ MARGIN_PX = 3
 #: The same before a three-dimensional background, share of the segment's size: only the part of an object that is below
 #: the ground's depth gives it away, what stands above that part may be as large.
 SPACE_MARGIN_SHARE = 0.5
+#: Parts of one near body may lie apart from this share of the image on: limbs. Cars side by side cover less.
+NEAR_SHARE = 0.05
 #: Fewer foreground pixels than this are noise.
 MIN_PIXELS = 8
 #: The gain that a patch's strongest pixels reach, as a percentile.
@@ -70,8 +74,10 @@ class ObjectFinder:
             pair, region, window, field.background_flow(window, width, height), motion, noise_gray,
             self._config.photometric_sigma)
         found = self._patches_of(test, segment, Box(region.left, region.top, width, height), field.residual.shape[:2])
-        joined = joined_patches(found)
-        return [patch.moved(region.left, region.top) for patch in joined if self._plausible(patch, width * height)]
+        # before a three-dimensional background the test reaches far beside the segment, where flow leaks
+        near_area = NEAR_SHARE * width * height if field.background.smooth else math.inf
+        return [patch.moved(region.left, region.top) for patch in joined_patches(found, near_area)
+                if self._plausible(patch, width * height)]
 
     @staticmethod
     def _region(segment: Segment, field: MotionField, reach: int, width: int, height: int) -> Box:

@@ -15,6 +15,8 @@ from motion_detect_ros.core.types import BoolArray, ByteArray
 
 #: Largest area of the box around two parts of one object, over the sum of the areas of their own boxes.
 MAX_SPREAD = 1.3
+#: The same for bodies so near that they bend: limbs stick out.
+NEAR_SPREAD = 2.0
 #: Gap between them, at most, share of the smaller one's size.
 GAP_SHARE = 0.4
 
@@ -48,17 +50,18 @@ def _ellipse(size_px: int) -> ByteArray:
     return kernel
 
 
-def joined_patches(patches: list[Patch]) -> list[Patch]:
+def joined_patches(patches: list[Patch], near_area: float = math.inf) -> list[Patch]:
     """Joins patches that are parts of one object, repeatedly.
 
     Two are joined where their gap is at most ``GAP_SHARE`` of the smaller one's size, and their common box is hardly
-    larger than their own together: front and back of a car are, two cars side by side are not.
+    larger than their own together: front and back of a car are, two cars side by side are not. From an area of
+    ``near_area`` square pixels on, the common box may be as much larger as ``NEAR_SPREAD`` says.
     """
     done: list[Patch] = []
     waiting = list(patches)
     while waiting:
         patch = waiting.pop()
-        near = next((other for other in done if _close(patch, other)), None)
+        near = next((other for other in done if _close(patch, other, near_area)), None)
         if near is None:
             done.append(patch)
         else:
@@ -67,6 +70,7 @@ def joined_patches(patches: list[Patch]) -> list[Patch]:
     return done
 
 
-def _close(a: Patch, b: Patch) -> bool:
-    gap_px, areas = a.box.gap(b.box), (a.box.area, b.box.area)
-    return gap_px <= GAP_SHARE * math.sqrt(min(areas)) and a.box.union(b.box).area <= MAX_SPREAD * sum(areas)
+def _close(a: Patch, b: Patch, near_area: float) -> bool:
+    areas, common = (a.box.area, b.box.area), a.box.union(b.box).area
+    spread = MAX_SPREAD if common < near_area else NEAR_SPREAD
+    return a.box.gap(b.box) <= GAP_SHARE * math.sqrt(min(areas)) and common <= spread * sum(areas)

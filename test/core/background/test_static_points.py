@@ -206,6 +206,17 @@ class TestChoice:
             model.fit(field, field, CAMERA, PERIOD_S)
         assert not model.three_dimensional
 
+    @pytest.mark.parametrize('seed', range(4))
+    def test_large_object_before_a_turning_camera_is_no_near_part_of_the_scene(self, seed: int):
+        """A rider on the sea: waves err along the pan, and what moves along one line could be a thing that is near."""
+        model, random = BackgroundSelector(CONFIG), np.random.default_rng(seed)
+        sea = flow(np.full(BOX.shape, 1e4), *motion((0.0, 0.025, 0.0), (0.0, 0.0, 0.0)))
+        for _ in range(6):
+            field = sea + (random.normal(0.0, 1.0, sea.shape) * (1.2, 0.4)).astype(np.float32)
+            field[box_cells(50, 20, 100, 75)] += np.array([1.0, 0.1], np.float32) * random.uniform(2.0, 8.0)
+            model.fit(field, field, CAMERA, PERIOD_S)
+        assert not model.three_dimensional
+
     @pytest.mark.parametrize('name', ['planar', 'epipolar'])
     def test_choice_can_be_fixed(self, name: str):
         field, config = _street(None), BackgroundConfig(model=name, noise_share=0.04)

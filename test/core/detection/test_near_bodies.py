@@ -1,0 +1,61 @@
+"""Bodies near the camera: they fill most of the picture, and bend."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from motion_detect_ros.core.detection.patches import Patch, joined_patches
+from motion_detect_ros.core.geometry.boxes import Box
+from motion_detect_ros.core.pipeline import MotionPipeline
+from motion_detect_ros.presets import load_preset
+
+HEIGHT, WIDTH, FRAMES = 360, 640, 8
+#: Left, top, right, bottom of a cross, whose bars are a third as wide as the picture is high.
+LEFT, TOP, RIGHT, BOTTOM = 60, 20, 560, 340
+
+
+def _texture(seed: int) -> np.ndarray:
+    grain = np.random.default_rng(seed).normal(0.0, 60.0, (HEIGHT, WIDTH + 4 * FRAMES))
+    return np.clip(128.0 + 3.0 * cv2.GaussianBlur(grain, (0, 0), 2.0), 0, 255).astype(np.uint8)
+
+
+def _cross() -> np.ndarray:
+    mask = np.zeros((HEIGHT, WIDTH), bool)
+    mask[TOP:BOTTOM, 250:370] = mask[120:240, LEFT:RIGHT] = True
+    return mask
+
+
+@pytest.mark.parametrize('preset', ['default', 'kitti'])
+def test_what_reaches_from_one_side_of_the_picture_to_the_other_is_reported(preset: str) -> None:
+    """Nothing is more urgent for who must not hit it. Its box is two thirds of the picture, itself a third."""
+    pipeline, ground, body, mask = MotionPipeline(load_preset(preset)), _texture(0), _texture(1), _cross()
+    assert 0.6 < (RIGHT - LEFT) * (BOTTOM - TOP) / mask.size < 0.75
+    assert mask.mean() < 0.4
+    for index in range(FRAMES):
+        shift = 4 * index
+        image = np.where(np.roll(mask, shift, axis=1), np.roll(body, shift, axis=1)[:, :WIDTH], ground[:, :WIDTH])
+        detections = pipeline.process(image, (index + 1) * 40_000_000).detections
+    edges = [(one['u'] - one['width'] / 2, one['v'] - one['height'] / 2,
+              one['u'] + one['width'] / 2, one['v'] + one['height'] / 2) for one in detections]
+    assert len(edges) == 1
+    np.testing.assert_allclose(edges[0], (LEFT + shift, TOP, RIGHT + shift, BOTTOM), atol=12)
+
+
+#: A trunk, and a limb that sticks out beside its lower end: a box of 60 x 110 = 6600 around 2000 + 2000.
+TRUNK, LIMB = Patch(Box(0, 0, 20, 100), 900), Patch(Box(20, 60, 60, 110), 700)
+
+
+def test_limbs_are_parts_of_a_near_body() -> None:
+    assert joined_patches([TRUNK, LIMB], near_area=6600.0) == [Patch(Box(0, 0, 60, 110), 1600)]
+
+
+def test_of_smaller_boxes_the_same_are_two_objects_side_by_side() -> None:
+    assert len(joined_patches([TRUNK, LIMB], near_area=6601.0)) == 2
+    assert len(joined_patches([TRUNK, LIMB])) == 2
+
+
+def test_far_apart_near_bodies_are_two() -> None:
+    """More than half of the box around them would be empty."""
+    assert len(joined_patches([TRUNK, Patch(Box(20, 95, 70, 135), 700)], near_area=1000.0)) == 2
