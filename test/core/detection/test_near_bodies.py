@@ -27,20 +27,36 @@ def _cross() -> np.ndarray:
     return mask
 
 
-@pytest.mark.parametrize('preset', ['default', 'kitti'])
-def test_what_reaches_from_one_side_of_the_picture_to_the_other_is_reported(preset: str) -> None:
-    """Nothing is more urgent for who must not hit it. Its box is two thirds of the picture, itself a third."""
-    pipeline, ground, body, mask = MotionPipeline(load_preset(preset)), _texture(0), _texture(1), _cross()
-    assert 0.6 < (RIGHT - LEFT) * (BOTTOM - TOP) / mask.size < 0.75
-    assert mask.mean() < 0.4
+def _seen(preset: str, mask: np.ndarray) -> tuple[list[tuple[float, ...]], int]:
+    """Left, top, right, bottom of what is reported after ``mask`` went to the right, and how far it went."""
+    pipeline, ground, body = MotionPipeline(load_preset(preset)), _texture(0), _texture(1)
     for index in range(FRAMES):
         shift = 4 * index
         image = np.where(np.roll(mask, shift, axis=1), np.roll(body, shift, axis=1)[:, :WIDTH], ground[:, :WIDTH])
         detections = pipeline.process(image, (index + 1) * 40_000_000).detections
-    edges = [(one['u'] - one['width'] / 2, one['v'] - one['height'] / 2,
-              one['u'] + one['width'] / 2, one['v'] + one['height'] / 2) for one in detections]
+    return [(one['u'] - one['width'] / 2, one['v'] - one['height'] / 2,
+             one['u'] + one['width'] / 2, one['v'] + one['height'] / 2) for one in detections], shift
+
+
+@pytest.mark.parametrize('preset', ['default', 'kitti'])
+def test_what_reaches_from_one_side_of_the_picture_to_the_other_is_reported(preset: str) -> None:
+    """Nothing is more urgent for who must not hit it. Its box is two thirds of the picture, itself a third."""
+    mask = _cross()
+    assert 0.6 < (RIGHT - LEFT) * (BOTTOM - TOP) / mask.size < 0.75
+    assert mask.mean() < 0.4
+    edges, shift = _seen(preset, mask)
     assert len(edges) == 1
     np.testing.assert_allclose(edges[0], (LEFT + shift, TOP, RIGHT + shift, BOTTOM), atol=12)
+
+
+@pytest.mark.parametrize('preset', ['default', 'kitti'])
+def test_leg_stretched_out_beside_its_body_is_in_its_box(preset: str) -> None:
+    """The box of both is a fifth of the picture, and twice what their own boxes cover."""
+    mask = np.zeros((HEIGHT, WIDTH), bool)
+    mask[60:300, 200:260] = mask[220:300, 272:400] = True
+    edges, shift = _seen(preset, mask)
+    assert len(edges) == 1
+    np.testing.assert_allclose(edges[0], (200 + shift, 60, 400 + shift, 300), atol=12)
 
 
 #: A trunk, and a limb that sticks out beside its lower end: a box of 60 x 110 = 6600 around 2000 + 2000.
