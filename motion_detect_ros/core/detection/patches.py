@@ -61,12 +61,12 @@ def joined_patches(patches: list[Patch], near_area: float = math.inf) -> list[Pa
     waiting = list(patches)
     while waiting:
         patch = waiting.pop()
-        near = next((other for other in done if _close(patch, other, near_area)), None)
-        if near is None:
+        part = next((other for other in done if _close(patch, other, near_area)), None)
+        if part is None:
             done.append(patch)
         else:
-            done.remove(near)
-            waiting.append(Patch(patch.box.union(near.box), patch.pixels + near.pixels))
+            done.remove(part)
+            waiting.append(Patch(patch.box.union(part.box), patch.pixels + part.pixels))
     return done
 
 
