@@ -25,6 +25,19 @@ settings.load_profile('busy machine')
 REPOSITORY = Path(__file__).resolve().parent.parent
 
 
+#: Files that take minutes: begun last, they would leave the other processors idle at the end.
+LONG = (
+    'test_source_nodes.py', 'test_silence.py', 'test_examples.py', 'test_kernel_compiler.py', 'test_live_replay.py',
+    'test_pipeline.py', 'test_nodes.py', 'test_demo.py', 'test_tune.py', 'test_console.py', 'test_brightness.py',
+    'test_runner.py', 'test_rtsp.py', 'test_imu_topic.py', 'test_selftest.py', 'test_two_writers.py')
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long files first, the others in their order."""
+    order = {name: place for place, name in enumerate(LONG)}
+    items.sort(key=lambda item: order.get(item.path.name, len(LONG)))
+
+
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Kernels are compiled before the first test: commands say so on stderr when they have to."""
     if not hasattr(session.config, 'workerinput'):

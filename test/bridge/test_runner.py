@@ -23,6 +23,8 @@ from rclpy.task import Future
 from motion_detect_ros.bridge.runner import end_context, spin
 from motion_detect_ros.cli.domains import own_domain
 
+pytestmark = pytest.mark.messages
+
 TICKS = 200
 
 

@@ -64,6 +64,7 @@ def test_every_example_is_run_here(name: str) -> None:
     assert name in (EXAMPLES / 'README.md').read_text(encoding='utf-8')
 
 
+@pytest.mark.messages
 class TestPlanner:
     """The image is 960 px wide: its middle is 479.5, the corridor of half its width goes from 239.5 to 719.5."""
 

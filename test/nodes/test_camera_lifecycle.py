@@ -15,6 +15,8 @@ from sensor_msgs.msg import Image
 from motion_detect_ros.benchmarks.jpeg_stream import JpegStream
 from motion_detect_ros.bridge.images import image_from_msg
 
+pytestmark = pytest.mark.messages
+
 
 @pytest.fixture
 def stream() -> Iterator[JpegStream]:

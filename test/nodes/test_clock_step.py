@@ -14,6 +14,8 @@ from test_camera_lifecycle import stream  # noqa: F401 a fixture
 
 from motion_detect_ros.bridge.images import stamp_ns
 
+pytestmark = pytest.mark.messages
+
 FAKETIME = sorted(Path('/usr/lib').glob('*/faketime/libfaketimeMT.so.1'))
 HOUR_S, HOUR_NS = 3600, 3_600_000_000_000
 #: libfaketime does not convert the deadlines of pthread_mutex_timedlock: with a clock behind the real one, every lock

@@ -11,6 +11,8 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from motion_detect_ros.cli.domains import own_domain
 
+pytestmark = pytest.mark.messages
+
 IMAGES = 20
 #: What a stage says when nothing comes.
 ELSEWHERE = r'no images on /front/\S+ for \d+ s; (.*)'

@@ -19,6 +19,8 @@ from sensor_msgs.msg import Image
 
 from motion_detect_ros.sources.secrets import SECRET_VARIABLE
 
+pytestmark = pytest.mark.messages
+
 USER, PASSWORD = 'pilot', 'xQ7-hunter'
 PERIOD_S = 0.05
 

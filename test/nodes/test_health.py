@@ -16,6 +16,8 @@ from motion_detect_ros.benchmarks.jpeg_stream import JpegStream
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.sources.bags import BagWriter
 
+pytestmark = pytest.mark.messages
+
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 

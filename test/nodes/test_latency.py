@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 import time
 
+import pytest
 from peers import PATIENT, picture
 
 from motion_detect_ros.cli.live import LiveGraph
 from motion_detect_ros.sources import messages
 from motion_detect_ros.sources.bags import BagWriter
+
+pytestmark = pytest.mark.messages
 
 PERIOD_NS = 100_000_000
 FRAMES = 12

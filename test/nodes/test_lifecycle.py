@@ -21,6 +21,8 @@ from std_srvs.srv import Trigger
 from motion_detect_ros.bridge.managed_node import ManagedNode
 from motion_detect_ros.cli.domains import own_domain
 
+pytestmark = pytest.mark.messages
+
 UNCONFIGURED, INACTIVE = State.PRIMARY_STATE_UNCONFIGURED, State.PRIMARY_STATE_INACTIVE
 ACTIVE, FINALIZED = State.PRIMARY_STATE_ACTIVE, State.PRIMARY_STATE_FINALIZED
 #: https://design.ros2.org/articles/node_lifecycle.html: state -> transition -> state, as far as a node stays.

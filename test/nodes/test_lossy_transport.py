@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from peers import lossless, picture, ready, small
 from sensor_msgs.msg import Image, PointCloud2
 
 from motion_detect_ros.bridge.images import header_of, image_to_msg
+
+pytestmark = pytest.mark.messages
 
 PERIOD_NS = 100_000_000
 

@@ -20,6 +20,8 @@ from motion_detect_ros.bridge import transport
 from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.presets import find_config
 
+pytestmark = pytest.mark.messages
+
 LOSS, DELAY_S, PARTITION_S = 0.02, 0.02, 5.0
 RATE_HZ, PICTURES, SHOWN = 10, 40, 3000
 LISTENER = Path(__file__).with_name('graph_listener.py')

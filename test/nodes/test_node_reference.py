@@ -21,6 +21,8 @@ from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.settings import settings
 
+pytestmark = pytest.mark.messages
+
 PAGE = Path(__file__).resolve().parents[2] / 'docs' / 'nodes.md'
 POLICY = PAGE.parents[1] / 'config' / 'motion_detect.policy.xml'
 WRITE = 'run python -m motion_detect_ros.benchmarks.node_reference --write docs/nodes.md'

@@ -20,6 +20,8 @@ from motion_detect_ros.bridge.images import header_of
 from motion_detect_ros.bridge.records import read_detections
 from motion_detect_ros.bridge.shared_memory import MIN_AGE_S
 
+pytestmark = pytest.mark.messages
+
 FRAMES = 12
 #: A node that is told to end has ended after so long, seconds.
 END_S = 2.0

@@ -15,6 +15,8 @@ from motion_detect_ros.bridge.images import header_of, image_to_msg, stamp_ns
 from motion_detect_ros.bridge.records import ego_from_msg, read_detections
 from motion_detect_ros.core.types import EgoStatus
 
+pytestmark = pytest.mark.messages
+
 PERIOD_NS = 100_000_000
 FRAMES = 30
 GRAPHS = {'pipeline': ('pipeline',), 'nodes': ('ego_motion', 'optical_flow', 'art2_clustering')}

@@ -14,6 +14,8 @@ from pathlib import Path
 import pytest
 from peers import TIMEOUT_S, small
 
+pytestmark = pytest.mark.messages
+
 MODULE = 'motion_detect_ros.nodes.pipeline'
 #: A node is up after this on an idle machine; between two signals of one Ctrl-C, seconds.
 LONGEST_S, SHORT_S = 5.0, 0.05

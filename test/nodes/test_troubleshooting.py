@@ -26,6 +26,8 @@ from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.settings import settings, with_settings
 from motion_detect_ros.core.types import CameraModel, EgoStatus
 
+pytestmark = pytest.mark.messages
+
 REPOSITORY = Path(__file__).resolve().parents[2]
 PAGE = (REPOSITORY / 'docs' / 'troubleshooting.md').read_text(encoding='utf-8')
 #: Names of values, topics and files; not what a node says.

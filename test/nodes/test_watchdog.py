@@ -18,6 +18,8 @@ from motion_detect_ros.bridge.images import header_of, image_to_msg
 from motion_detect_ros.bridge.transport import environment
 from motion_detect_ros.cli.domains import own_domain
 
+pytestmark = pytest.mark.messages
+
 EXAMPLE = Path(__file__).resolve().parents[2] / 'examples' / 'watchdog.py'
 PERIOD_NS = 100_000_000
 

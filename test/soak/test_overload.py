@@ -17,8 +17,6 @@ from motion_detect_ros.benchmarks.feeder import Answer, Feeder
 from motion_detect_ros.cli.domains import DOMAINS, own_domain
 from motion_detect_ros.sources.synthetic import FlightConfig
 
-pytestmark = pytest.mark.timing
-
 RATE_HZ, PICTURES = 60.0, 480
 #: Of 25 MB each.
 PICTURES_4K = 12
@@ -41,6 +39,7 @@ def overloaded(nodes: tuple[str, ...], *parameters: str) -> tuple[list[float], l
         return [answer.latency_ms for answer in answers], reports, feeder.sent - before
 
 
+@pytest.mark.timing
 @pytest.mark.parametrize('nodes', [('pipeline',), ('ego_motion', 'optical_flow', 'art2_clustering')],
                          ids=['pipeline', 'four nodes'])
 def test_overload_costs_pictures_not_time(nodes):
@@ -54,6 +53,7 @@ def test_overload_costs_pictures_not_time(nodes):
     assert sum(int(report['dropped']) for report in reports) > 0
 
 
+@pytest.mark.soak
 def test_a_long_mailbox_is_what_makes_answers_old():
     """The same without the short mailbox: the test above can fail."""
     latencies, _, _ = overloaded(('pipeline',), 'queue_size:=1000', *HEAVY)
@@ -68,6 +68,7 @@ def halves(answers: list[Answer]) -> tuple[float, float]:
     return median(latencies[:half]), median(latencies[half:])
 
 
+@pytest.mark.soak
 def test_a_camera_of_4k_at_30_hz_costs_pictures_not_time(shown):
     domain = own_domain()
     images = [image for image, _ in flight(FlightConfig(width=3840, height=2160, frames=PICTURES_4K))]
@@ -84,6 +85,7 @@ def test_a_camera_of_4k_at_30_hz_costs_pictures_not_time(shown):
           f'{len(answers) / SECONDS:.0f} answers a second, median age {first:.0f} ms, then {second:.0f} ms')
 
 
+@pytest.mark.soak
 def test_eight_cameras_on_one_machine_cost_pictures_not_time(shown):
     """Each in a graph of its own."""
     images = pictures(640, 360)

@@ -66,7 +66,7 @@ def test_real_pictures_that_are_not_there_cost_no_earlier_run(more, tmp_path, mo
     assert (tmp_path / 'summary.json').read_text() == 'of an earlier run'
 
 
-@pytest.mark.timing
+@pytest.mark.soak
 @pytest.mark.skipif(not os.environ.get('SOAK_MINUTES'), reason='set SOAK_MINUTES for a long run')
 def test_long_run_is_steady(tmp_path):
     minutes = float(os.environ['SOAK_MINUTES'])

@@ -175,7 +175,7 @@ def three_minutes(tmp_path_factory):
     return folders
 
 
-@pytest.mark.timing
+@pytest.mark.soak
 @pytest.mark.parametrize('graph', GRAPHS)
 def test_three_minutes_of_faults(three_minutes, graph, shown):
     folder = three_minutes[graph]

@@ -26,6 +26,8 @@ from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.sources.bag_reader import BagReader
 from motion_detect_ros.sources.raw import RawMessage
 
+pytestmark = pytest.mark.messages
+
 TEXTURE = np.random.default_rng(0).integers(0, 256, (96, 128), np.uint8)
 
 

@@ -22,6 +22,8 @@ from motion_detect_ros.cli.batch.jobs import Job
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.sources.bags import BagReader, BagWriter
 
+pytestmark = pytest.mark.messages
+
 DAMAGED, EMPTY, KILLED = 'flight_3', 'flight_6', 'flight_4'
 #: What the same input gives the same bytes of.
 SAME = 'detections.csv', 'detections.mcap', 'frames.csv'

@@ -21,6 +21,8 @@ from motion_detect_ros.report import embedding
 from motion_detect_ros.results.files import OUTPUT_NAMES
 from motion_detect_ros.sources.bags import BagReader, BagWriter
 
+pytestmark = pytest.mark.messages
+
 
 def write_bag(
     path: Path, frames: int = 4, topic: str = '/image_raw', size: tuple[int, int] = (96, 128),

@@ -13,6 +13,8 @@ from batch_flights import PATIENCE_S, write_flight
 
 from motion_detect_ros.sources.bags import BagReader
 
+pytestmark = pytest.mark.messages
+
 #: A closing of files in whose middle a signal comes again.
 _TWICE = """
 import os, signal

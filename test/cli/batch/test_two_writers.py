@@ -23,6 +23,8 @@ from motion_detect_ros.cli.batch.one_input import run_job
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.results.files import OUTPUT_NAMES
 
+pytestmark = pytest.mark.messages
+
 #: Long enough to be found at work.
 LONG = 300
 SAME = 'detections.csv', 'detections.mcap', 'frames.csv'
