@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from motion_detect_ros.bridge import topics
+from motion_detect_ros.bridge.load import LOAD
 from motion_detect_ros.sources.bag_reader import chosen_topics
 from motion_detect_ros.sources.raw import TopicInfo
 
@@ -18,7 +19,7 @@ def _type_of(kind: Any) -> str:
 RESULTS = {
     **{topic.name.strip('/').replace('~', 'overlay'): _type_of(topic.kind) for topic in (
         topics.DIAGNOSTICS, topics.EGO_MOTION, topics.FLOW, topics.DETECTIONS, topics.OVERLAY, topics.OVERLAY_JPEG,
-        topics.MARKERS, topics.FLOW_COLORS)},
+        topics.MARKERS, topics.FLOW_COLORS, LOAD)},
     'detections_2d': 'vision_msgs/msg/Detection2DArray',  # may not be installed
 }
 

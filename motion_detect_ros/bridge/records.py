@@ -11,6 +11,7 @@ from std_msgs.msg import Header
 
 from motion_detect_ros.bridge.images import bytes_of, stamp_ns
 from motion_detect_ros.core.errors import MessageError
+from motion_detect_ros.core.load_control import STEPS
 from motion_detect_ros.core.types import (
     DETECTION_DTYPE,
     NANOSECONDS,
@@ -29,10 +30,12 @@ EGO_FIELDS = [
     *((f'c{i:02d}', '<f8') for i in range(len(UPPER[0]))),
     ('dt', '<f8'), ('inliers', '<u4'), ('tracks', '<u4'), ('residual', '<f4'), ('model', 'u1'), ('status', 'u1'),
     ('prev_sec', '<u4'), ('prev_nanosec', '<u4')]
-#: What came later; records without them are read too, as NaN or 0.
-EGO_LATER_FIELDS = [
+#: The camera's relative pose, NaN where unknown.
+EGO_CAMERA_FIELDS = [
     *((f'r{r}{c}', '<f8') for r in range(3) for c in range(3)), ('t0', '<f8'), ('t1', '<f8'), ('t2', '<f8'),
     ('e0', '<f8'), ('e1', '<f8'), ('g0', '<f8'), ('g1', '<f8'), ('g2', '<f8')]
+#: What came later; records without them are read too, as NaN or 0.
+EGO_LATER_FIELDS = [*EGO_CAMERA_FIELDS, ('load_step', 'u1')]
 EGO_DTYPE = np.dtype(EGO_FIELDS + EGO_LATER_FIELDS)
 
 _DATATYPES = {
@@ -145,7 +148,8 @@ def ego_to_msg(ego: EgoMotion, header: Header) -> PointCloud2:
     record['inliers'], record['tracks'] = ego.inliers, ego.tracks
     record['model'], record['status'] = int(ego.model), int(ego.status)
     record['prev_sec'], record['prev_nanosec'] = divmod(ego.prev_stamp_ns, NANOSECONDS)
-    for (name, _), value in zip(EGO_LATER_FIELDS, _camera_values(ego.camera), strict=True):
+    record['load_step'] = ego.load_step
+    for (name, _), value in zip(EGO_CAMERA_FIELDS, _camera_values(ego.camera), strict=True):
         record[name] = value
     return records_to_msg(record, header)
 
@@ -153,13 +157,13 @@ def ego_to_msg(ego: EgoMotion, header: Header) -> PointCloud2:
 def _camera_values(camera: RelativePose | None) -> npt.NDArray[np.float64]:
     """(17,) rotation by rows, translation, epipole, ground; NaN where unknown."""
     if camera is None:
-        return np.full(len(EGO_LATER_FIELDS), np.nan)
+        return np.full(len(EGO_CAMERA_FIELDS), np.nan)
     ground = np.full(3, np.nan) if camera.ground is None else camera.ground
     return np.concatenate([camera.rotation.ravel(), camera.direction, camera.epipole, ground])
 
 
 def _camera_from(record: np.void) -> RelativePose | None:
-    values = np.array([record[name] for name, _ in EGO_LATER_FIELDS])
+    values = np.array([record[name] for name, _ in EGO_CAMERA_FIELDS])
     rotation, direction, epipole, ground = values[:9].reshape(3, 3), values[9:12], values[12:14], values[14:]
     if not np.isfinite(values[:12]).all():
         return None
@@ -182,4 +186,12 @@ def ego_from_msg(msg: PointCloud2) -> EgoMotion:
     except ValueError as error:
         raise MessageError(f'ego_motion: {error}') from None
     return EgoMotion(matrix, covariance, status, stamp_ns(msg.header), previous, int(record['inliers']),
-                     int(record['tracks']), float(record['residual']), model, _camera_from(record))
+                     int(record['tracks']), float(record['residual']), model, _camera_from(record),
+                     checked_step('ego_motion', int(record['load_step'])))
+
+
+def checked_step(topic: str, number: int) -> int:
+    """A number of a step of ``load.adapt``. Raises: MessageError where it is none that this version knows."""
+    if number >= len(STEPS):
+        raise MessageError(f'{topic}: expected load_step 0 to {len(STEPS) - 1}, got {number}')
+    return number

@@ -24,6 +24,14 @@ class Step:
     of: int
     cost: float
 
+    @property
+    def reduced(self) -> str:
+        """In a few words what is left out; empty at full work."""
+        if self == STEPS[0]:
+            return ''
+        images = 'every image' if self.of == 1 else f'1 image of {self.of}'
+        return f'load reduced: {self.width_share:.0%} of the working width, {images}'
+
 
 #: Costs as measured on four clips, means: an image less saves less than its share, since flow and small objects go by
 #: time.
@@ -38,17 +46,14 @@ class LoadControl:
         self._since_more, self._overloads = RELAPSE, 0
 
     @property
+    def number(self) -> int:
+        """Of the present step, from 0 on."""
+        return self._number
+
+    @property
     def step(self) -> Step:
         """The present one."""
         return STEPS[self._number]
-
-    @property
-    def reduced(self) -> str:
-        """In a few words what is left out; empty at full work."""
-        if not self._number:
-            return ''
-        images = 'every image' if self.step.of == 1 else f'1 image of {self.step.of}'
-        return f'load reduced: {self.step.width_share:.0%} of the working width, {images}'
 
     def decide(self, compute_s: float, period_s: float) -> bool:
         """Whether the step has changed.

@@ -158,7 +158,8 @@ class EgoMotion:
     ``matrix``: (3, 3) float64, maps previous pixel -> current pixel (full resolution).
     ``covariance``: (6, 6) float64 of the affine parameters (a0 .. a5), see ``core.geometry.affine``.
     ``residual_px``: median distance of the inliers to the model. ``camera``: None = not enabled or not determined;
-    it does not depend on ``status``, which refers to ``matrix``.
+    it does not depend on ``status``, which refers to ``matrix``. ``load_step``: number of the step
+    (``core.load_control``) at which the frame was worked on.
     """
 
     matrix: DoubleArray
@@ -171,6 +172,7 @@ class EgoMotion:
     residual_px: float = float('nan')
     model: MotionModel = MotionModel.AFFINE
     camera: RelativePose | None = None
+    load_step: int = 0
 
     @property
     def dt_s(self) -> float:

@@ -72,7 +72,7 @@ class PipelineNode(StageNode):
     def condition(self) -> Condition:
         """As for all stages; and what is left out for want of time."""
         found = super().condition()
-        return replace(found, concern=', '.join(filter(None, (found.concern, self._control.reduced))))
+        return replace(found, concern=', '.join(filter(None, (found.concern, self._control.step.reduced))))
 
     def _follow_load(self) -> None:
         """More or less work where images take longer than their period, or have time to spare."""
@@ -83,7 +83,7 @@ class PipelineNode(StageNode):
         period_s = elapsed_s / images * load.decimation_of / load.decimation_keep
         if self._control.decide(1e-3 * sum(times) / len(times), period_s):
             self.locked(self._take_step)
-            self.get_logger().warning(self._control.reduced or 'load: full work again')
+            self.get_logger().warning(self._control.step.reduced or 'load: full work again')
 
     def _since_last_look(self) -> tuple[list[float], float, int]:
         """What each processed image took, milliseconds, the seconds gone by, and how many images were received."""

@@ -56,7 +56,7 @@ def test_ego_fields_are_the_published_ones():
     published = ([(f'm{r}{c}', F8) for r in range(3) for c in range(3)] + [(f'c{i:02d}', F8) for i in range(21)] + [
         ('dt', F8), ('inliers', U4), ('tracks', U4), ('residual', F4), ('model', U1), ('status', U1),
         ('prev_sec', U4), ('prev_nanosec', U4)] + [(f'r{r}{c}', F8) for r in range(3) for c in range(3)] + [
-        (name, F8) for name in ('t0', 't1', 't2', 'e0', 'e1', 'g0', 'g1', 'g2')])
+        (name, F8) for name in ('t0', 't1', 't2', 'e0', 'e1', 'g0', 'g1', 'g2')] + [('load_step', U1)])
     ego = EgoMotion(np.eye(3), np.eye(6), EgoStatus.OK, 2, 1)
     assert [(field.name, field.datatype) for field in ego_to_msg(ego, HEADER).fields] == published
 
@@ -107,7 +107,32 @@ def test_the_first_ego_motion_records_are_still_read():
     got = ego_from_msg(msg)
     np.testing.assert_array_equal(got.matrix, sent.matrix)
     assert (got.status, got.prev_stamp_ns, got.inliers, got.residual_px) == (EgoStatus.OK, 4_000_000_000, 3, 0.5)
-    assert got.camera is None
+    assert (got.camera, got.load_step) == (None, 0)
+
+
+def test_records_before_the_load_step_are_of_full_work():
+    """As recordings have them that know the camera's motion already."""
+    camera = RelativePose(np.eye(3), np.array([0.0, 0.6, 0.8]), np.array([3.0, 4.0]))
+    msg = ego_to_msg(EgoMotion(np.eye(3), np.eye(6), EgoStatus.OK, 2, 1, camera=camera, load_step=3), HEADER)
+    msg.fields = [field for field in msg.fields if field.name != 'load_step']
+    got = ego_from_msg(msg)
+    assert got.load_step == 0
+    assert got.camera is not None
+    np.testing.assert_array_equal(got.camera.direction, [0.0, 0.6, 0.8])
+
+
+@pytest.mark.parametrize('number', range(5))
+def test_the_load_step_of_an_image_survives_the_wire(number):
+    msg = ego_to_msg(EgoMotion(np.eye(3), np.eye(6), EgoStatus.OK, 2, 1, load_step=number), HEADER)
+    assert ego_from_msg(deserialize_message(serialize_message(msg), PointCloud2)).load_step == number
+
+
+@pytest.mark.parametrize('number', [5, 255])
+def test_a_load_step_that_is_not_known_is_refused(number):
+    """As of a later version: at which width to work is not known."""
+    msg = ego_to_msg(EgoMotion(np.eye(3), np.eye(6), EgoStatus.OK, 2, 1, load_step=number), HEADER)
+    with pytest.raises(MessageError, match=f'^ego_motion: expected load_step 0 to 4, got {number}$'):
+        ego_from_msg(msg)
 
 
 def test_missing_fields_and_bytes_are_named():

@@ -19,14 +19,14 @@ def played(control: LoadControl, full_ms: float, seconds: int) -> list[int]:
     numbers = []
     for _ in range(seconds):
         control.decide(1e-3 * full_ms * control.step.cost * control.step.of, PERIOD_S)
-        numbers.append(STEPS.index(control.step))
+        numbers.append(control.number)
     return numbers
 
 
 def test_nothing_changes_while_there_is_time() -> None:
     control = LoadControl()
     assert played(control, 35.0, 50) == [0] * 50
-    assert control.reduced == ''
+    assert control.step.reduced == ''
 
 
 @pytest.mark.parametrize(('full_ms', 'number'), [(45.0, 1), (70.0, 2), (110.0, 3), (150.0, 4)])
@@ -34,7 +34,9 @@ def test_one_decision_finds_a_step_that_fits(full_ms: float, number: int) -> Non
     control = LoadControl()
     assert played(control, full_ms, 20) == [number] * 20
     share, of = STEPS[number].width_share, STEPS[number].of
-    assert f'{share:.0%}' in control.reduced and (f'1 image of {of}' if of > 1 else 'every image') in control.reduced
+    words = control.step.reduced
+    assert f'{share:.0%}' in words and (f'1 image of {of}' if of > 1 else 'every image') in words
+    assert control.step == STEPS[number]
     assert 1e-3 * full_ms * STEPS[number].cost <= PERIOD_S
 
 
@@ -75,11 +77,11 @@ def test_a_load_that_just_does_not_fit_is_tried_less_and_less_often() -> None:
     """The costs of the steps are estimates: here the smaller step promises room that is not there."""
     control, tries = LoadControl(), []
     for second in range(300):
-        number = STEPS.index(control.step)
+        number = control.number
         load_ms = {0: 45.0, 1: 15.0}[number]
         before = number
         control.decide(1e-3 * load_ms, PERIOD_S)
-        if STEPS.index(control.step) < before:
+        if control.number < before:
             tries.append(second)
     gaps = np.diff(tries)
     assert len(tries) >= 4 and (np.diff(gaps) >= 0).all() and gaps[-1] >= 2 * gaps[0]
@@ -90,10 +92,10 @@ def test_relapses_of_days_ago_do_not_count() -> None:
     control = LoadControl()
     for _ in range(5):
         played(control, 45.0, 1)
-        while STEPS.index(control.step):
+        while control.number:
             played(control, 15.0, 1)
         played(control, 45.0, 1)  # a relapse
-        while STEPS.index(control.step):
+        while control.number:
             played(control, 15.0, 1)
         played(control, 15.0, 3600)
     played(control, 45.0, 1)
@@ -104,12 +106,12 @@ def test_a_try_that_fails_ends_where_it_began() -> None:
     """The points start anew with the width, so the first second at the larger step costs more than it will."""
     control = LoadControl()
     played(control, 75.0, 1)
-    assert STEPS.index(control.step) == 2
+    assert control.number == 2
     numbers = []
     for _ in range(60):
-        load_ms = {0: 90.0, 1: 70.0, 2: 18.0}.get(STEPS.index(control.step), 9.0)
+        load_ms = {0: 90.0, 1: 70.0, 2: 18.0}.get(control.number, 9.0)
         control.decide(1e-3 * load_ms * control.step.of, PERIOD_S)
-        numbers.append(STEPS.index(control.step))
+        numbers.append(control.number)
     assert numbers.count(1) >= 2 and set(numbers) == {1, 2}
 
 

@@ -16,6 +16,7 @@ import pytest
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2, PointField
 
 from motion_detect_ros.bridge.images import flow_from_msg, header_of, image_from_msg, image_to_msg
+from motion_detect_ros.bridge.load import Stage, StageTime, load_from_msg, load_to_msg
 from motion_detect_ros.bridge.records import detections_to_msg, ego_from_msg, ego_to_msg, read_detections
 from motion_detect_ros.core.ego_motion.stage import no_estimate
 from motion_detect_ros.core.errors import MotionDetectError, SourceError
@@ -200,11 +201,12 @@ def odd_records(chance: random.Random, message: PointCloud2) -> PointCloud2:
         is_bigendian=chance.random() < 0.3, data=mutated(chance, bytes(message.data)))
 
 
-@pytest.mark.parametrize('read', [read_detections, ego_from_msg])
-def test_records(read: Callable[[PointCloud2], object], shown):
+@pytest.mark.parametrize(('read', 'message'), [
+    (read_detections, detections_to_msg(empty_detections(3), header_of(1, 'a'))),
+    (ego_from_msg, ego_to_msg(no_estimate(EgoStatus.FIRST_FRAME, 1, 1), header_of(1, 'a'))),
+    (load_from_msg, load_to_msg(StageTime(Stage.OPTICAL_FLOW, 10.0, 0), header_of(1, 'a')))])
+def test_records(read: Callable[[PointCloud2], object], message: PointCloud2, shown):
     chance = random.Random(15)
-    message = (detections_to_msg(empty_detections(3), header_of(1, 'a')) if read is read_detections
-               else ego_to_msg(no_estimate(EgoStatus.FIRST_FRAME, 1, 1), header_of(1, 'a')))
     for _ in range(MUTATIONS):
         odd = odd_records(chance, message)
         survives(lambda odd=odd: read(odd), odd)
