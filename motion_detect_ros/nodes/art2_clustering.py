@@ -7,8 +7,10 @@ from typing import Any
 
 from motion_detect_ros.bridge.diagnostics import tuned_pairs
 from motion_detect_ros.bridge.images import stamp_ns
+from motion_detect_ros.bridge.load import Stage
+from motion_detect_ros.bridge.load_watch import StageLoad, SteppedNode
 from motion_detect_ros.bridge.runner import main_of
-from motion_detect_ros.bridge.stage_node import StageNode, unused_for
+from motion_detect_ros.bridge.stage_node import unused_for
 from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, DetectionPublisher
 from motion_detect_ros.bridge.track_ids import declare_first_id
 from motion_detect_ros.core.clustering_stage import ClusteringStage
@@ -19,7 +21,7 @@ from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.types import ByteArray, CameraModel, EgoMotion, FlowField
 
 
-class Art2ClusteringNode(StageNode):
+class Art2ClusteringNode(SteppedNode):
     """Publishes the moving objects of each image."""
 
     inputs = (FLOW, EGO_MOTION)
@@ -29,6 +31,7 @@ class Art2ClusteringNode(StageNode):
     def __init__(self) -> None:
         super().__init__('art2_clustering')
         self._first_id = declare_first_id(self)
+        self._load = StageLoad(self, Stage.ART2_CLUSTERING)
 
     @cached_property
     def _stage(self) -> ClusteringStage:
@@ -38,6 +41,7 @@ class Art2ClusteringNode(StageNode):
     def make_stage(self) -> None:
         """Stage without history, publisher."""
         self._start_anew()
+        self._load.advertise()
         self._publisher = DetectionPublisher(self)
 
     def _start_anew(self) -> None:
@@ -54,6 +58,10 @@ class Art2ClusteringNode(StageNode):
 
     def work(self, header: Any, image: ByteArray, flow: FlowField, ego: EgoMotion) -> str:
         """One image: detect and publish."""
+        with self._load.image(header, ego.load_step):
+            return self._detect(header, image, flow, ego)
+
+    def _detect(self, header: Any, image: ByteArray, flow: FlowField, ego: EgoMotion) -> str:
         frame = self._preprocessor.process(image, stamp_ns(header))
         expected, got = grid_shape(frame, self.config.optical_flow.grid_px), flow.flow.shape[:2]
         if got != expected:
@@ -66,6 +74,10 @@ class Art2ClusteringNode(StageNode):
         self.latest = (('objects', str(len(records))), ('clusters', str(self._stage.neurons)),
                        *tuned_pairs(self._stage.tuned))
         return unused_for(ego, reference is not None)
+
+    def limit_width(self, share: float) -> None:
+        """Of the images from the next one on."""
+        self._preprocessor.limit_width(share)
 
     def use_camera(self, camera: CameraModel | None) -> None:
         """Hand the calibration on."""

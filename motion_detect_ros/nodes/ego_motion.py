@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import replace
 from typing import Any
 
 from motion_detect_ros.bridge.gyro import Sink
 from motion_detect_ros.bridge.images import stamp_ns
+from motion_detect_ros.bridge.load_watch import LoadWatch, SteppedNode
 from motion_detect_ros.bridge.runner import main_of
-from motion_detect_ros.bridge.stage_node import StageNode, unused_for
+from motion_detect_ros.bridge.stage_node import unused_for
 from motion_detect_ros.bridge.topics import EGO_MOTION, TopicPublisher
 from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.types import ByteArray, CameraModel, DoubleArray
 
 
-class EgoMotionNode(StageNode):
+class EgoMotionNode(SteppedNode):
     """Publishes how the camera's own motion moved the background, with covariance and status."""
 
     detects = False
@@ -22,11 +25,18 @@ class EgoMotionNode(StageNode):
 
     def __init__(self) -> None:
         super().__init__('ego_motion')
+        self._load = LoadWatch(self)
 
     def make_stage(self) -> None:
         """Stage and publisher."""
         self._start_anew()
+        self._load.use_config(restart=True)
         self._publisher = TopicPublisher(self, EGO_MOTION)
+
+    def begin(self) -> None:
+        """Subscribe, to the times of the other stages too."""
+        self._load.subscribe()
+        super().begin()
 
     def _start_anew(self) -> None:
         self._preprocessor = Preprocessor(self.config.preprocessing)
@@ -38,15 +48,22 @@ class EgoMotionNode(StageNode):
             self._start_anew()
         else:
             self._stage.use_config(self.config)
+        self._load.use_config(restart)
 
     def work(self, header: Any, image: ByteArray) -> str:
-        """One image: estimate and publish."""
+        """One image: estimate and publish, with the step that the stages behind follow."""
+        start = time.perf_counter()
         frame = self._preprocessor.process(image, stamp_ns(header))
-        ego = self._stage.process(frame)
+        ego = replace(self._stage.process(frame), load_step=self.load_step)
         self._publisher.publish(ego, header)
         self._stage.look_ahead()
+        self._load.add(1e3 * (time.perf_counter() - start))
         self.latest = (('status', ego.status.name), ('inliers', str(ego.inliers)), ('tracks', str(ego.tracks)))
         return unused_for(ego)
+
+    def limit_width(self, share: float) -> None:
+        """Of the images from the next one on."""
+        self._preprocessor.limit_width(share)
 
     def use_camera(self, camera: CameraModel | None) -> None:
         """Hand the calibration on."""

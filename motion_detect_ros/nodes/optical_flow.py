@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from motion_detect_ros.bridge.images import stamp_ns
+from motion_detect_ros.bridge.load import Stage
+from motion_detect_ros.bridge.load_watch import StageLoad, SteppedNode
 from motion_detect_ros.bridge.runner import main_of
-from motion_detect_ros.bridge.stage_node import StageNode, unused_for
+from motion_detect_ros.bridge.stage_node import unused_for
 from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, TopicPublisher
 from motion_detect_ros.core.geometry.frame_history import FrameHistory
 from motion_detect_ros.core.optical_flow.stage import OpticalFlowStage
@@ -14,7 +16,7 @@ from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.types import ByteArray, EgoMotion
 
 
-class OpticalFlowNode(StageNode):
+class OpticalFlowNode(SteppedNode):
     """Publishes the dense flow of each image, on the stabilised pair."""
 
     inputs = (EGO_MOTION,)
@@ -24,10 +26,12 @@ class OpticalFlowNode(StageNode):
 
     def __init__(self) -> None:
         super().__init__('optical_flow')
+        self._load = StageLoad(self, Stage.OPTICAL_FLOW)
 
     def make_stage(self) -> None:
         """Stage and publisher."""
         self._start_anew()
+        self._load.advertise()
         self._publisher = TopicPublisher(self, FLOW)
 
     def _start_anew(self) -> None:
@@ -44,10 +48,15 @@ class OpticalFlowNode(StageNode):
 
     def work(self, header: Any, image: ByteArray, ego: EgoMotion) -> str:
         """One image: flow and publish."""
-        frame = self._preprocessor.process(image, stamp_ns(header))
-        reference = self._history.step(frame, ego)
-        self._publisher.publish(self._stage.process(frame, ego, reference), header)
+        with self._load.image(header, ego.load_step):
+            frame = self._preprocessor.process(image, stamp_ns(header))
+            reference = self._history.step(frame, ego)
+            self._publisher.publish(self._stage.process(frame, ego, reference), header)
         return unused_for(ego, reference is not None)
+
+    def limit_width(self, share: float) -> None:
+        """Of the images from the next one on."""
+        self._preprocessor.limit_width(share)
 
     def forget(self) -> None:
         """Earlier frames."""

@@ -7,8 +7,10 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+import rclpy
 from peers import TIMEOUT_S, Peer
 
 from motion_detect_ros.bridge.transport import environment
@@ -54,3 +56,22 @@ def start(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[bytes]]]:
         printed = log.read_text(errors='replace')
         assert code == expected, printed
         assert 'Traceback' not in printed, printed
+
+
+@pytest.fixture
+def here() -> Iterator[Callable[..., Any]]:
+    """``here(kind, *parameters)``: a node in this process, active."""
+    nodes: list[Any] = []
+
+    def make(kind: type, *parameters: str) -> Any:
+        rclpy.init(args=['--ros-args', *(word for each in parameters for word in ('-p', each))],
+                   domain_id=own_domain())
+        nodes.append(kind())
+        nodes[-1].start()
+        return nodes[-1]
+
+    yield make
+    for node in nodes:
+        node.close()
+        node.destroy_node()  # else it would go on being seen by the next test
+    rclpy.try_shutdown()

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from peers import PATIENT, Peer, found_each_other, picture, ready, set_parameters, small
@@ -15,12 +15,12 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import CameraInfo, Image, Imu, PointCloud2
 from std_srvs.srv import Trigger
 from test_load import reported_while_publishing
+from test_load_watch import a_second
 from test_stage_nodes import change
 
 from motion_detect_ros.bridge import stage_node
 from motion_detect_ros.bridge.images import header_of, image_to_msg, stamp_ns
 from motion_detect_ros.bridge.records import ego_from_msg, read_detections
-from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.types import EgoStatus
 from motion_detect_ros.nodes.ego_motion import EgoMotionNode
 from motion_detect_ros.nodes.pipeline import PipelineNode
@@ -36,25 +36,6 @@ TRANSITIONS = (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP, 
 def as_if_just_made(peer: Peer, node: str) -> None:
     for transition in TRANSITIONS:
         change(peer, node, transition)
-
-
-@pytest.fixture
-def here() -> Iterator[Callable[..., Any]]:
-    """``here(kind, *parameters)``: a node in this process, active."""
-    nodes: list[Any] = []
-
-    def make(kind: type, *parameters: str) -> Any:
-        rclpy.init(args=['--ros-args', *(word for each in parameters for word in ('-p', each))],
-                   domain_id=own_domain())
-        nodes.append(kind())
-        nodes[-1].start()
-        return nodes[-1]
-
-    yield make
-    for node in nodes:
-        node.close()
-        node.destroy_node()  # else it would go on being seen by the next test
-    rclpy.try_shutdown()
 
 
 def test_three_nodes_work_with_another_grid_of_the_flow(peer, start):
@@ -185,22 +166,20 @@ def test_less_work_ends_with_a_clean_up(peer, overloaded):
 def test_images_that_are_left_out_by_a_setting_leave_time_for_the_others(here):
     """A camera of 30 Hz of which every third image is used, at 50 ms each: half of the time is left."""
     node = here(PipelineNode, 'load.adapt:=true', 'load.decimation_of:=3', 'preprocessing.max_width_px:=320')
-    for _ in range(8):
-        node._compute_ms = [50.0] * 10
-        node._received, node._looked_s = -30, stage_node.time.monotonic() - 1.0
-        node._follow_load()
+    for second in range(1, 9):
+        a_second(node, second, 50.0)
         assert node.condition().concern == ''
-    node._compute_ms, node._received, node._looked_s = [150.0] * 10, -30, stage_node.time.monotonic() - 1.0
-    node._follow_load()
+    a_second(node, 9, 150.0)
     assert 'load reduced' in node.condition().concern
 
 
 def test_work_from_before_a_clean_up_is_no_load_after_it(here):
     node = here(PipelineNode, 'load.adapt:=true', 'preprocessing.max_width_px:=320')
-    node._compute_ms, node._received, node._looked_s = [200.0] * 10, -30, stage_node.time.monotonic() - 1.0
+    for _ in range(10):
+        node._load.add(200.0)
     for transition in (node.trigger_deactivate, node.trigger_cleanup, node.trigger_configure, node.trigger_activate):
         transition()
-    node._follow_load()
+    node._load.look(time.monotonic() + 1.0, 30)
     assert node.active and node.condition().concern == ''
 
 
