@@ -70,7 +70,7 @@ process that published it. Compute: sum of the medians that the nodes report the
 median latency, waiting for a busy stage included. All processes share the cores. Fast DDS profile and allocator
 settings as shipped (`bridge/transport.py`, `allocator.py`).''',
     'transport_clip': '''The same with the pictures and the preset of the first of the real clips above, at 20 Hz. With
-`load.adapt` the node lowers the working width while images come faster than it works (its steps: section Real
+`load.adapt` the nodes lower the working width while images come faster than they work (the steps: section Real
 clips).''',
     'start': '''From the start of the process `pipeline` to its first message, while pictures come, and its memory
 then. At the first start after an installation other processes compile the kernels, one for each core up to four.''',
