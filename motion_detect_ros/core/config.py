@@ -272,7 +272,7 @@ class LoadConfig:
         1, '... of every so many frames are processed, the others as if never seen; 2 of 5: pairs for the flow, and '
         'time to process them', low=1, high=1000, unit='frames')
     adapt: bool = setting(
-        False, 'less work by known steps while images take longer than their period; of the separate nodes all follow ego_motion')
+        False, 'less work by known steps while images take longer than their period; separate nodes follow ego_motion')
     threads: int = setting(
         0, 'threads that work on a frame, 0 = as many as there are cores; with 1 nothing is done side by side or '
         'behind an answer', low=0, high=256)
