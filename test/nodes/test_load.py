@@ -6,7 +6,6 @@ import statistics
 import time
 from collections.abc import Callable
 from itertools import pairwise
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,6 @@ from sensor_msgs.msg import Image, PointCloud2
 from motion_detect_ros.bridge.images import header_of, image_to_msg, stamp_ns
 from motion_detect_ros.bridge.load import Stage, StageTime, load_from_msg
 from motion_detect_ros.bridge.records import ego_from_msg, read_detections
-from motion_detect_ros.core.load_control import STEPS
 from motion_detect_ros.core.load_control import STEPS
 
 PICTURES = [picture(index) for index in range(46)]
@@ -140,6 +138,13 @@ class Graph:
         """Whether all stages work fully again, while few pictures come."""
         return self.publish_until(lambda: all(cost == '1' for _, cost in self.reported().values()), SLOW_S)
 
+    def settled(self) -> bool:
+        """Once the last stage has answered the latest image that the first one took."""
+        def answered() -> bool:
+            latest = max(self.steps, default=0)
+            return latest in self.detections and self.index - latest < STEPS[-1].of
+        return self._peer.until(answered)
+
     @property
     def steps(self) -> dict[int, int]:
         """That came with the ego-motion of each image."""
@@ -153,9 +158,8 @@ class Graph:
     @property
     def told(self) -> dict[Stage, dict[int, StageTime]]:
         """What the other stages told of each image."""
-        return {stage: {index: one for index, one in by_index(
-            [msg for msg in self._times if load_from_msg(msg).stage == stage], load_from_msg).items()}
-            for stage in Stage}
+        return {stage: by_index([msg for msg in self._times if load_from_msg(msg).stage == stage], load_from_msg)
+                for stage in Stage}
 
     @property
     def detections(self) -> dict[int, Any]:

@@ -14,7 +14,7 @@ from peers import PATIENT, Peer, found_each_other, picture, ready, set_parameter
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import CameraInfo, Image, Imu, PointCloud2
 from std_srvs.srv import Trigger
-from test_load import reported_while_publishing
+from test_load import GRID_PX, SLOW_S, WIDTH, Graph, reported_while_publishing
 from test_load_watch import a_second
 from test_stage_nodes import change
 
@@ -161,6 +161,26 @@ def test_less_work_ends_with_a_clean_up(peer, overloaded):
     show, _ = overloaded
     as_if_just_made(peer, 'pipeline')
     assert len(show(9)) == 9
+
+
+def test_separate_stages_do_all_of_the_work_once_the_first_may_not_do_less(peer, start):
+    """A stage that is made anew goes on at the step of the images; the setting of the others does not count."""
+    graph = Graph(peer, start, 'load.adapt:=true', *PATIENT)
+    assert graph.overload()
+    assert graph.settled()
+    for node in ('optical_flow', 'art2_clustering'):
+        as_if_just_made(peer, node)
+    graph.await_stages()
+    reduced = graph.index
+    assert graph.steps[reduced] > 0
+    assert graph.widths[reduced] < WIDTH // GRID_PX and reduced in graph.detections
+    assert set_parameters(peer, 'ego_motion', load__adapt=False) == ['']
+    graph.publish(10, SLOW_S)
+    assert graph.settled()
+    after = range(reduced + 1, graph.index + 1)
+    assert [graph.steps[index] for index in after] == [0] * len(after)
+    assert [graph.widths[index] for index in after] == [WIDTH // GRID_PX] * len(after)
+    assert set(after) <= set(graph.detections)
 
 
 def test_images_that_are_left_out_by_a_setting_leave_time_for_the_others(here):
