@@ -16,6 +16,7 @@ from motion_detect_ros.sources.frames import SourceFrame
 from motion_detect_ros.sources.images import decode_image
 from motion_detect_ros.sources.inertial import GyroSample
 from motion_detect_ros.sources.raw import RawMessage, TopicInfo
+from motion_detect_ros.sources.timeline import timeline
 from motion_detect_ros.sources.window import WHOLE, Choice, Selection, Window
 
 IMAGE_TYPES = (messages.IMAGE, messages.COMPRESSED_IMAGE)
@@ -32,7 +33,8 @@ class BagFrames:
     ) -> None:
         """topic: with or without the leading slash; None where the bag has only one.
 
-        window: by the times of recording, from that of the topic's first message. rectified: as for ``camera_of``.
+        window: by the times of recording, from that of the topic's first message; that the recording's clock was set,
+        back or by more than a day ahead, is no time that passed, as in ``timeline``. rectified: as for ``camera_of``.
         Raises: SourceError for an empty bag, and for a wrong topic with a list of the image topics.
         """
         self._reader = BagReader(path)
@@ -58,8 +60,8 @@ class BagFrames:
     def __iter__(self) -> Iterator[SourceFrame]:
         """Frames in order; a malformed message costs itself only and is counted in ``bad_frames``."""
         self.bad_frames, decoder, selection = 0, ImageDecoder(), Selection(self._window)
-        for index, message in enumerate(_messages(self._reader, self.topic.name, self.topic.msgtype)):
-            choice = selection.judge(index, message.log_stamp_ns)
+        for index, (position_ns, message) in enumerate(self._placed()):
+            choice = selection.judge(index, position_ns)
             if choice is Choice.END:
                 return
             if choice is Choice.SKIP:
@@ -70,6 +72,13 @@ class BagFrames:
                 self.bad_frames += 1
                 continue
             yield SourceFrame(index, image, stamp_ns)
+
+    def _placed(self) -> Iterator[tuple[int, RawMessage]]:
+        """The messages, each with its time after the first one, ns, where the window asks for times; else with 0."""
+        recorded = _messages(self._reader, self.topic.name, self.topic.msgtype)
+        if not self._window.by_time:  # nothing waits for the message after it, which may be unreadable
+            return ((0, message) for message in recorded)
+        return ((timed.position_ns, timed.message) for timed in timeline(recorded))
 
     def gyro(self) -> Iterator[GyroSample]:
         """Angular rates of the only Imu topic, or of the one named ``imu``; stamps are those of the headers.

@@ -38,6 +38,11 @@ class Window:
         if self.every < 1:
             raise SourceError(f'every: expected 1 or more, got {self.every}')
 
+    @property
+    def by_time(self) -> bool:
+        """Whether it leaves anything out for its time."""
+        return self.start_s > 0 or self.duration_s is not None
+
     def __str__(self) -> str:
         return (f'from {self.start_s:g} s' + (f' for {self.duration_s:g} s' if self.duration_s is not None else '')
                 + (f', one frame in {self.every}' if self.every > 1 else ''))
@@ -57,15 +62,18 @@ class Selection:
         self._first_index: int | None = None
 
     def judge(self, index: int, stamp_ns: int) -> Choice:
-        """What to do with the picture at position ``index`` of the source, taken or recorded at ``stamp_ns``, ns."""
+        """What to do with the picture at position ``index`` of the source, taken or recorded at ``stamp_ns``, ns.
+
+        Once the window has begun, a clock that goes back loses nothing.
+        """
         if self._begin_ns is None:
             self._begin_ns = stamp_ns + round(self._window.start_s * NANOSECONDS)
             if self._window.duration_s is not None:
                 self._end_ns = self._begin_ns + round(self._window.duration_s * NANOSECONDS)
         if stamp_ns >= self._end_ns:
             return Choice.END
-        if stamp_ns < self._begin_ns:
-            return Choice.SKIP
         if self._first_index is None:
+            if stamp_ns < self._begin_ns:
+                return Choice.SKIP
             self._first_index = index
         return Choice.SKIP if (index - self._first_index) % self._window.every else Choice.TAKE

@@ -91,6 +91,57 @@ def test_the_window_of_a_bag_is_by_the_times_of_recording(tmp_path: Path):
     assert [frame.stamp_ns for frame in source] == [10**18, 10**18 + PERIOD_NS]
 
 
+@pytest.mark.parametrize(('window', 'expected'), [
+    (WHOLE, [0, 1, 2, 3, 4, 5, 6, 7]),
+    (Window(every=3), [0, 3, 6]),
+    (Window(start_s=0.1), [1, 2, 3, 4, 5, 6, 7]),
+    (Window(start_s=0.4), [5, 6, 7]),
+    (Window(duration_s=0.3), [0, 1, 2]),
+    (Window(start_s=0.1, duration_s=0.4), [1, 2, 3, 4, 5]),
+])
+@pytest.mark.parametrize('step_s', [-3600, -9.5e8, 9.5e8])
+def test_a_clock_that_is_set_loses_nothing(tmp_path: Path, window: Window, expected: list[int], step_s: float):
+    """Four pictures, the clock is set, four more: 0, 0.1, 0.2, 0.3 and 0.3, 0.4, 0.5, 0.6 s that were recorded."""
+    recorded = bag_recorded_at(tmp_path, [index / 10 + (step_s if index > 3 else 0) for index in range(8)])
+    assert numbers(recorded, window) == expected
+
+
+@pytest.mark.parametrize(('window', 'expected'), [
+    (WHOLE, [0, 1, 2, 3, 4, 5, 6, 7]), (Window(start_s=0.5), [5, 6, 7]), (Window(duration_s=0.6), [0, 1, 2, 3, 4, 5])])
+@pytest.mark.parametrize('odd_s', [-3600, 43_200])
+def test_one_wrong_time_of_recording_moves_no_window(
+    tmp_path: Path, window: Window, expected: list[int], odd_s: float,
+):
+    recorded = bag_recorded_at(tmp_path, [odd_s if index == 2 else index / 10 for index in range(8)])
+    assert numbers(recorded, window) == expected
+
+
+def bag_recorded_at(folder: Path, times_s: list[float]) -> Path:
+    """Pictures of 10 frames/s by the camera's clock, recorded at these times after 2001-09-09; a chunk each, as readers
+    sort within a chunk.
+    """
+    with BagWriter(folder / 'a.mcap', chunk_bytes=1) as writer:
+        for index, time_s in enumerate(times_s):
+            writer.write('/image_raw', _image(10**18 + index * PERIOD_NS), 10**18 + round(time_s * 10) * PERIOD_NS)
+    return folder / 'a.mcap'
+
+
+def numbers(recorded: Path, window: Window) -> list[int]:
+    """Of the pictures of a window, by their own stamps."""
+    frames = [*open_source(recorded, window=window)]
+    assert [(frame.stamp_ns - 10**18) // PERIOD_NS for frame in frames] == [frame.index for frame in frames]
+    return [frame.index for frame in frames]
+
+
+def test_stamps_of_a_drive_that_go_back_lose_no_picture(tmp_path: Path):
+    drive = kitti_drive(tmp_path)
+    stamps = drive / 'image_02' / 'timestamps.txt'
+    lines = stamps.read_text().splitlines()
+    stamps.write_text('\n'.join(lines[:5] + [line.replace(' 13:', ' 12:') for line in lines[5:]]) + '\n')
+    assert [frame.index for frame in open_source(drive)] == list(range(FRAMES))
+    assert [frame.index for frame in open_source(drive, window=Window(start_s=0.3))] == list(range(3, FRAMES))
+
+
 def _image(stamp_ns: int) -> object:
     from motion_detect_ros.sources import messages
     return messages.image(grey(1), stamp_ns, 'camera')
