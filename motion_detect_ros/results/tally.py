@@ -22,7 +22,6 @@ class Tally:
     frames: int = 0
     bad_frames: int = 0
     misstamped_frames: int = 0
-    source_frames: int = 0
     detections: int = 0
     ids: set[int] = field(default_factory=set)
     ego_status: Counter[str] = field(default_factory=Counter)
@@ -33,10 +32,9 @@ class Tally:
     image_size: tuple[int, int] = (0, 0)
     tuned: dict[str, int | float] = field(default_factory=dict)
 
-    def read(self, index: int, decode_ms: float) -> None:
+    def read(self, decode_ms: float) -> None:
         """Count one frame of the source as read, whatever becomes of it."""
         self.decode_ms.append(decode_ms)
-        self.source_frames = max(self.source_frames, index + 1)
 
     def add(self, result: Result, tuned: Tuned | None = None) -> None:
         """Count one processed frame; tuned: settings in use after it."""

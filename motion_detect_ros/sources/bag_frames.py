@@ -44,7 +44,7 @@ class BagFrames:
         self.camera_topic = self._choose_camera_topic()
         self.camera_info = self._read_camera_info()
         self.camera = camera_of(self.camera_info, rectified) if self.camera_info is not None else None
-        self.bad_frames = 0
+        self.bad_frames = self.frames_passed = 0
         self._window = window
 
     @property
@@ -59,11 +59,13 @@ class BagFrames:
 
     def __iter__(self) -> Iterator[SourceFrame]:
         """Frames in order; a malformed message costs itself only and is counted in ``bad_frames``."""
-        self.bad_frames, decoder, selection = 0, ImageDecoder(), Selection(self._window)
+        self.bad_frames = self.frames_passed = 0
+        decoder, selection = ImageDecoder(), Selection(self._window)
         for index, (position_ns, message) in enumerate(self._placed()):
             choice = selection.judge(index, position_ns)
             if choice is Choice.END:
                 return
+            self.frames_passed = index + 1
             if choice is Choice.SKIP:
                 continue
             try:

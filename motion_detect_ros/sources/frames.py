@@ -56,6 +56,10 @@ class FrameSource(Protocol):
         """Unreadable frames skipped since iteration last began."""
 
     @property
+    def frames_passed(self) -> int:
+        """Frames come by since iteration last began: unreadable and left-out ones too, none after the window's end."""
+
+    @property
     def damaged(self) -> str | None:
         """What is wrong with the source as a whole, None for nothing known so far."""
 

@@ -113,7 +113,7 @@ class ImageSequence:
         self.stamps_ns = tuple(stamps_ns)
         self.name = name
         self.camera = camera
-        self.bad_frames = 0
+        self.bad_frames = self.frames_passed = 0
         self._window = window
 
     @property
@@ -126,11 +126,13 @@ class ImageSequence:
 
         Raises: SourceError where the folder of a file has gone.
         """
-        self.bad_frames, decoder, selection = 0, ImageDecoder(), Selection(self._window)
+        self.bad_frames = self.frames_passed = 0
+        decoder, selection = ImageDecoder(), Selection(self._window)
         for index, (file, stamp_ns) in enumerate(zip(self.files, self.stamps_ns, strict=True)):
             choice = selection.judge(index, stamp_ns)
             if choice is Choice.END:
                 return
+            self.frames_passed = index + 1
             if choice is Choice.SKIP:
                 continue
             try:

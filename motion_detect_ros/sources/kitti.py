@@ -100,6 +100,11 @@ class KittiDrive:
         """Unreadable pictures met in the last iteration."""
         return self.images.bad_frames
 
+    @property
+    def frames_passed(self) -> int:
+        """Pictures come by in the last iteration."""
+        return self.images.frames_passed
+
     def __iter__(self) -> Iterator[SourceFrame]:
         """Frames in order."""
         return iter(self.images)

@@ -68,7 +68,7 @@ class VideoFile:
     """
 
     camera = None
-    bad_frames = 0
+    bad_frames = frames_passed = 0
 
     def __init__(self, path: Path, fps: float | None = None, window: Window = WHOLE) -> None:
         """fps: frames/s to use instead of the container's times. Raises: SourceError for no readable video."""
@@ -93,13 +93,14 @@ class VideoFile:
     def __iter__(self) -> Iterator[SourceFrame]:
         """Frames from the first; sets ``damaged`` where later ones than the last readable one follow."""
         capture, selection = open_capture(self.path), Selection(self._window)
-        index, previous_ns, last_ms = 0, FIRST_STAMP_NS - 1, 0.0
+        index, previous_ns, last_ms, self.frames_passed = 0, FIRST_STAMP_NS - 1, 0.0, 0
         try:
             while capture.grab():
                 stamp_ns = self._stamp(capture, index, previous_ns)
                 choice = selection.judge(index, stamp_ns)
                 if choice is Choice.END:
                     return
+                self.frames_passed = index + 1
                 if choice is Choice.TAKE:
                     ok, image = capture.retrieve()
                     if not ok:

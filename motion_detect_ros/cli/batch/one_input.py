@@ -211,7 +211,7 @@ def _timed(source: FrameSource, path: str, tally: Tally) -> Iterator[TimedFrame]
     try:
         for frame in source:
             decode_ms = 1e3 * (perf_counter() - start)
-            tally.read(frame.index, decode_ms)
+            tally.read(decode_ms)
             yield TimedFrame(frame, decode_ms)
             start = perf_counter()
     except OSError as error:
@@ -239,7 +239,7 @@ def _summarize(
         duration_s=job.duration_s, every=job.every, rectified=job.rectified, formats=list(job.formats),
         overlay=job.overlay, version=motion_detect_ros.__version__, complete=complete, damaged=source.damaged,
         announced_frames=source.frame_count, frames=tally.frames, bad_frames=tally.bad_frames + source.bad_frames,
-        misstamped_frames=tally.misstamped_frames, source_frames=tally.source_frames, detections=tally.detections,
+        misstamped_frames=tally.misstamped_frames, source_frames=source.frames_passed, detections=tally.detections,
         objects=len(tally.ids), ego_status=dict(tally.ego_status), image_size=tally.image_size,
         calibrated=source.camera is not None, first_stamp_ns=tally.first_stamp_ns, last_stamp_ns=tally.last_stamp_ns,
         stage_ms=tally.stage_ms(), decode_ms=Percentiles.of(tally.decode_ms),

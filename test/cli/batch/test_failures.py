@@ -12,18 +12,21 @@ import sys
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
-from batch_flights import PATIENCE_S, write_flight
+from batch_flights import PATIENCE_S, PERIOD_NS, write_flight
 
 from motion_detect_ros.__main__ import main
 from motion_detect_ros.cli.batch import one_input
 from motion_detect_ros.cli.batch.jobs import PARTIAL, Job
 from motion_detect_ros.cli.batch.one_input import run_job
 from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.sources import messages
 from motion_detect_ros.sources.bag_reader import BagReader
+from motion_detect_ros.sources.bag_writer import BagWriter
 from motion_detect_ros.sources.raw import RawMessage
 
 pytestmark = pytest.mark.messages
@@ -69,6 +72,54 @@ def pictures(folder: Path, count: int) -> Path:
     for index in range(count):
         cv2.imwrite(str(folder / f'{index}.png'), np.roll(TEXTURE, index, axis=1))
     return folder
+
+
+def bag_of_pictures(path: Path, readable: list[bool]) -> Path:
+    with BagWriter(path) as bag:
+        for index, good in enumerate(readable):
+            stamp_ns = 10**18 + index * PERIOD_NS
+            picture = messages.serialize(messages.image(np.roll(TEXTURE, index, axis=1), stamp_ns, 'camera'))
+            bag.write_raw('/image_raw', messages.IMAGE, picture if good else picture[:50], stamp_ns)
+    return path
+
+
+@pytest.mark.parametrize(('readable', 'bad'), [([True, True, False, True, False], 2), ([True, True, True, False], 1)])
+@pytest.mark.parametrize('kind', ['pictures', 'bag'])
+def test_unreadable_frames_at_the_end_are_frames_of_the_source(
+    tmp_path: Path, kind: str, readable: list[bool], bad: int,
+):
+    if kind == 'bag':
+        source = bag_of_pictures(tmp_path / 'a.mcap', readable)
+    else:
+        source = pictures(tmp_path / 'p', len(readable))
+        for index in [index for index, good in enumerate(readable) if not good]:
+            (source / f'{index}.png').write_bytes(b'no picture')
+    assert run_job(Job(str(source), tmp_path / 'out', PipelineConfig())).exit_code == PARTIAL
+    summary = json.loads((tmp_path / 'out' / 'summary.json').read_text())
+    assert (summary['source_frames'], summary['frames'], summary['bad_frames']) == (
+        len(readable), len(readable) - bad, bad)
+
+
+@pytest.mark.parametrize(('window', 'expected'), [
+    ({'every': 3}, 8), ({'every': 4}, 8), ({'start_s': 0.1}, 8), ({'duration_s': 0.2}, 4)])
+@pytest.mark.parametrize('kind', ['pictures', 'bag', 'video'])
+def test_frames_left_out_at_the_end_are_frames_of_the_source(
+    tmp_path: Path, kind: str, window: dict[str, Any], expected: int,
+):
+    """Eight frames of 20 frames/s; those after the end of a window are not looked at."""
+    if kind == 'bag':
+        source = bag_of_pictures(tmp_path / 'a.mcap', [True] * 8)
+    elif kind == 'pictures':
+        source = pictures(tmp_path / 'p', 8)
+    else:
+        source = tmp_path / 'a.avi'
+        video = cv2.VideoWriter(str(source), cv2.VideoWriter.fourcc(*'MJPG'), 20.0, TEXTURE.shape[::-1])
+        for index in range(8):
+            video.write(cv2.cvtColor(np.roll(TEXTURE, index, axis=1), cv2.COLOR_GRAY2BGR))
+        video.release()
+    fps = 20.0 if kind == 'pictures' else None
+    assert run_job(Job(str(source), tmp_path / 'out', PipelineConfig(), fps=fps, **window)).exit_code == 0
+    assert json.loads((tmp_path / 'out' / 'summary.json').read_text())['source_frames'] == expected
 
 
 def test_an_input_that_goes_before_it_is_begun_costs_itself_only(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
