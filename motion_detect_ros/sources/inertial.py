@@ -14,6 +14,10 @@ from motion_detect_ros.core.types import NANOSECONDS
 CAPACITY = 20_000
 #: A sample after the picture closes its interval if it is this near; slower IMUs are not waited for, ns.
 NEAR_NS = 50_000_000
+#: No IMU is as slow: a sample this far after a picture follows a pause, or has a wrong stamp, ns.
+FAR_NS = NANOSECONDS
+#: A picture this long after the one before may have a wrong stamp; no stage bridges more, ns.
+LONGEST_PAUSE_NS = 60 * NANOSECONDS
 
 
 @dataclass(frozen=True)
@@ -48,10 +52,12 @@ class GyroQueue:
         self._changed = threading.Condition()
 
     def add(self, sample: GyroSample) -> None:
-        """One more sample. Where time jumps back, samples of the earlier run are forgotten."""
+        """One more sample. Where time jumps back, later samples are forgotten: they are of an earlier run, or their
+        stamps were wrong.
+        """
         with self._changed:
-            if self._latest_ns is not None and sample.stamp_ns < self._latest_ns:
-                self._samples.clear()
+            while self._samples and sample.stamp_ns < self._samples[-1].stamp_ns:
+                self._samples.pop()
             self._samples.append(sample)
             self._latest_ns = sample.stamp_ns
             self._changed.notify_all()
@@ -60,6 +66,11 @@ class GyroQueue:
         """Whether everything up to a picture of ``stamp_ns`` is there."""
         with self._changed:
             return self._covers(stamp_ns)
+
+    def is_far_after(self, stamp_ns: int) -> bool:
+        """Whether the latest sample is so long after a picture of ``stamp_ns`` that the next one may be before it."""
+        with self._changed:
+            return self._covers(stamp_ns + FAR_NS) and len(self._samples) < CAPACITY // 2
 
     def wait_for(self, stamp_ns: int, timeout_s: float) -> bool:
         """As ``covers``, but gives late samples some time; not before the first sample, nor while none come at all."""
@@ -97,17 +108,36 @@ class GyroQueue:
 
 
 class GyroReplay:
-    """Recorded samples, handed over as a live stage gets them."""
+    """Recorded samples, handed over as a live stage gets them. A wrong stamp, of a sample or of a picture, costs that
+    one and few after it.
+    """
 
     def __init__(self, samples: Iterator[GyroSample], time_offset_s: float = 0.0) -> None:
         self._coming = samples
         self._queue = GyroQueue(time_offset_s)
+        self._picture_ns: int | None = None
 
     def take(self, stamp_ns: int) -> list[GyroSample]:
-        """The samples for a picture of ``stamp_ns``, see ``GyroQueue``; pictures in order of time."""
-        while not self._queue.covers(stamp_ns):
-            sample = next(self._coming, None)
-            if sample is None:
-                break
-            self._queue.add(sample)
+        """The samples for a picture of ``stamp_ns``, see ``GyroQueue``; pictures in order of time.
+
+        None for the first picture and one that comes LONGEST_PAUSE_NS after the one before: if its stamp is wrong the
+        next pictures need them, if not the next one gets them.
+        """
+        earlier_ns, self._picture_ns = self._picture_ns, stamp_ns
+        if earlier_ns is None or stamp_ns - earlier_ns > LONGEST_PAUSE_NS:
+            return []
+        self._read_up_to(stamp_ns)
+        if self._queue.is_far_after(stamp_ns) and self._read():
+            self._read_up_to(stamp_ns)
         return self._queue.take(stamp_ns)
+
+    def _read_up_to(self, stamp_ns: int) -> None:
+        while not self._queue.covers(stamp_ns) and self._read():
+            pass
+
+    def _read(self) -> bool:
+        """Whether there was one more sample."""
+        sample = next(self._coming, None)
+        if sample is not None:
+            self._queue.add(sample)
+        return sample is not None

@@ -13,7 +13,14 @@ from hypothesis import strategies as st
 
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.sources.bags import BagFrames, BagWriter
-from motion_detect_ros.sources.inertial import NEAR_NS, GyroQueue, GyroSample, InertialSource
+from motion_detect_ros.sources.inertial import (
+    LONGEST_PAUSE_NS,
+    NEAR_NS,
+    GyroQueue,
+    GyroReplay,
+    GyroSample,
+    InertialSource,
+)
 from motion_detect_ros.sources.messages import IMU, header, make
 
 MS = 1_000_000
@@ -52,6 +59,55 @@ def test_an_offset_of_the_clocks_moves_the_samples(offset_s: float, covered: int
 def test_after_a_jump_back_the_earlier_run_is_forgotten():
     queue = queue_of(900, 910, 0, 10)
     assert taken(queue, 5) == [0, 10]
+
+
+FUTURE = 10**9  # ms; eleven days
+
+
+def test_a_stamp_from_the_future_costs_its_sample_only():
+    """Live: what waits for the next picture stays."""
+    queue = queue_of(0, 10, FUTURE, 20, 30)
+    assert not queue.covers(40 * MS)
+    assert taken(queue, 25) == [0, 10, 20, 30]
+
+
+def replay_of(*stamps_ms: int) -> GyroReplay:
+    return GyroReplay(iter([GyroSample(stamp * MS, (0.0, 0.0, 0.0)) for stamp in stamps_ms]))
+
+
+def replayed(replay: GyroReplay, *pictures_ms: int) -> list[list[int]]:
+    return [[sample.stamp_ns // MS for sample in replay.take(picture * MS)] for picture in pictures_ms]
+
+
+@pytest.mark.parametrize('strays', [1, 2, 5])
+@pytest.mark.parametrize('stray_ms', [FUTURE, 2000])
+def test_wrong_stamps_of_samples_do_not_end_a_replay(strays: int, stray_ms: int):
+    """A sample every 10 ms, a picture every 20 ms; after 50 ms some stamps are wrong."""
+    stamps = [*range(0, 60, 10), *(stray_ms + number for number in range(strays)), *range(60, 400, 10)]
+    got = replayed(replay_of(*stamps), *range(0, 400, 20))
+    assert got[10:] == [[picture - 10, picture] for picture in range(200, 400, 20)]
+    assert all(stamp < 400 for part in got for stamp in part)
+    if strays == 1:
+        assert [stamp for part in got for stamp in part] == [*range(0, 390, 10)], 'nothing but the stray is lost'
+
+
+def test_a_pause_of_the_samples_is_no_wrong_stamp():
+    stamps = [*range(0, 100, 10), *range(5000, 5100, 10)]
+    got = replayed(replay_of(*stamps), *range(0, 5100, 20))
+    assert [stamp for part in got for stamp in part] == stamps[:-1]
+
+
+def test_a_wrong_stamp_of_a_picture_uses_up_no_samples():
+    replay = replay_of(*range(0, 200, 10))
+    assert replayed(replay, 0, 20, FUTURE, 40, 60)[1:] == [[0, 10, 20], [], [30, 40], [50, 60]]
+    assert replayed(replay_of(*range(0, 200, 10)), FUTURE, 20, 40) == [[], [0, 10, 20], [30, 40]]
+
+
+def test_after_a_long_pause_of_the_pictures_the_samples_go_on():
+    pause_ms = LONGEST_PAUSE_NS // MS + 1000
+    got = replayed(replay_of(*range(0, pause_ms + 200, 10)), 0, 20, pause_ms, pause_ms + 20, pause_ms + 40)
+    assert got[2] == []
+    assert (got[3][-2:], got[4]) == ([pause_ms + 10, pause_ms + 20], [pause_ms + 30, pause_ms + 40])
 
 
 @given(st.lists(st.integers(0, 400), unique=True, min_size=1).map(sorted),
