@@ -92,7 +92,9 @@ class AutopilotFrames(Node):
         self.create_subscription(PointCloud2, 'detections', self.on_detections, 5)
 
     def on_imu(self, msg):
-        """Keep attitudes: images are older than they."""
+        """Keep attitudes: images are older than they. -1 in the covariance says that there is none."""
+        if msg.orientation_covariance[0] == -1:
+            return
         q = msg.orientation
         self.attitudes.append((seconds(msg.header), (q.w, q.x, q.y, q.z)))
 

@@ -31,7 +31,7 @@ class GyroInput:
 
     @property
     def received(self) -> bool:
-        """Whether any sample has come."""
+        """Whether any sample has come; messages without angular velocity are none."""
         return self._queue.started
 
     def feed(self, image_stamp_ns: int) -> None:
@@ -41,4 +41,5 @@ class GyroInput:
             self._sink(sample.stamp_ns, np.array(sample.rate))
 
     def _on_imu(self, msg: Any) -> None:
-        self._queue.add(GyroSample(stamp_ns(msg.header), IMU.from_msg(msg)))
+        if (rate := IMU.from_msg(msg)) is not None:
+            self._queue.add(GyroSample(stamp_ns(msg.header), rate))

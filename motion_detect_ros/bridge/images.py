@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 from builtin_interfaces.msg import Time
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
 
 from motion_detect_ros.core.errors import MessageError, SourceError
@@ -88,12 +88,6 @@ def flow_from_msg(msg: Image) -> FlowField:
         raise MessageError(f'flow encoding: expected {FLOW_ENCODING}, got {msg.encoding!r}')
     values = pixel_rows(msg.height, msg.width, 'f4', 2, bool(msg.is_bigendian), msg.step, msg.data)
     return FlowField(values.astype(np.float32), int(msg.width), int(msg.height), stamp_ns(msg.header))
-
-
-def rates_from_msg(msg: Imu) -> tuple[float, float, float]:
-    """Angular velocity about the axes of the message's frame, rad/s."""
-    rate = msg.angular_velocity
-    return float(rate.x), float(rate.y), float(rate.z)
 
 
 def camera_to_msg(camera: CameraModel | None, width: int, height: int, header: Header) -> CameraInfo:

@@ -20,7 +20,6 @@ from motion_detect_ros.bridge.images import (
     flow_to_msg,
     image_from_msg,
     image_to_msg,
-    rates_from_msg,
     stamp_of,
 )
 from motion_detect_ros.bridge.managed_node import ManagedNode
@@ -28,6 +27,7 @@ from motion_detect_ros.bridge.qos import clock_qos, diagnostics_qos, image_qos, 
 from motion_detect_ros.bridge.records import detections_to_msg, ego_from_msg, ego_to_msg, read_detections
 from motion_detect_ros.core.types import NANOSECONDS, RecordArray
 from motion_detect_ros.sources.camera_info import camera_of
+from motion_detect_ros.sources.inertial import rates_of
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ DIAGNOSTICS = Topic('/diagnostics', DiagnosticArray, _as_it_is, _as_it_is, diagn
 IMAGE = Topic('image_raw', Image, image_to_msg, image_from_msg, image_qos)
 COMPRESSED = Topic('image_raw/compressed', CompressedImage, compressed_to_msg, image_from_msg, image_qos)
 CAMERA_INFO = Topic('camera_info', CameraInfo, _as_it_is, camera_of, image_qos)
-IMU = Topic('imu', Imu, _as_it_is, rates_from_msg, imu_qos)
+IMU = Topic('imu', Imu, _as_it_is, rates_of, imu_qos)
 EGO_MOTION = Topic('ego_motion', PointCloud2, ego_to_msg, ego_from_msg, record_qos)
 FLOW = Topic('flow', Image, flow_to_msg, flow_from_msg, image_qos)
 DETECTIONS = Topic('detections', PointCloud2, detections_to_msg, read_detections, record_qos)

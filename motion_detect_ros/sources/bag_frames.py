@@ -14,7 +14,7 @@ from motion_detect_ros.sources.camera_info import camera_of
 from motion_detect_ros.sources.encoding import ImageDecoder
 from motion_detect_ros.sources.frames import SourceFrame
 from motion_detect_ros.sources.images import decode_image
-from motion_detect_ros.sources.inertial import GyroSample
+from motion_detect_ros.sources.inertial import GyroSample, rates_of
 from motion_detect_ros.sources.raw import RawMessage, TopicInfo
 from motion_detect_ros.sources.timeline import timeline
 from motion_detect_ros.sources.window import WHOLE, Choice, Selection, Window
@@ -85,7 +85,7 @@ class BagFrames:
     def gyro(self) -> Iterator[GyroSample]:
         """Angular rates of the only Imu topic, or of the one named ``imu``; stamps are those of the headers.
 
-        Empty where there is none. Malformed messages are left out.
+        Empty where there is none. Malformed messages and those without angular velocity are left out.
         Raises: SourceError, with a list, where there are several and none has that name.
         """
         return _gyro(BagReader(self.path), self.imu_topic)
@@ -143,8 +143,8 @@ def _gyro(reader: BagReader, topic: str | None) -> Iterator[GyroSample]:
                 content = messages.deserialize(message.data, messages.IMU)
             except MessageError:
                 continue
-            rate = content.angular_velocity
-            yield GyroSample(messages.stamp_of(content), (float(rate.x), float(rate.y), float(rate.z)))
+            if (rate := rates_of(content)) is not None:
+                yield GyroSample(messages.stamp_of(content), rate)
 
 
 def _choose_topic(path: Path, topics: tuple[TopicInfo, ...], wanted: str | None) -> TopicInfo:

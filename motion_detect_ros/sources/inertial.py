@@ -6,7 +6,7 @@ import threading
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from motion_detect_ros.core.types import NANOSECONDS
 
@@ -26,6 +26,17 @@ class GyroSample:
 
     stamp_ns: int
     rate: tuple[float, float, float]
+
+
+def rates_of(imu: Any) -> tuple[float, float, float] | None:
+    """Angular velocity of a sensor_msgs/Imu about the axes of its frame, rad/s.
+
+    None where the message says that it has none: by -1 as the first element of the covariance.
+    """
+    if imu.angular_velocity_covariance[0] == -1:
+        return None
+    rate = imu.angular_velocity
+    return float(rate.x), float(rate.y), float(rate.z)
 
 
 @runtime_checkable

@@ -234,6 +234,16 @@ class TestAutopilotFrames:
             np.testing.assert_allclose(
                 module.frd_to_ned_by_ros(rays, (s, u, v, t)), module.frd_to_ned(rays, (w, x, y, z)), atol=1e-12)
 
+    def test_attitudes_that_are_none_are_not_kept(self) -> None:
+        """sensor_msgs/Imu: -1 as first element of a covariance says that there is no estimate, as of an IMU alone."""
+        from sensor_msgs.msg import Imu
+        node = SimpleNamespace(attitudes=[])
+        for first in (-1.0, 0.0):
+            message = Imu(orientation_covariance=[first] + [0.0] * 8)
+            message.header.stamp.sec = int(first) + 5
+            example('autopilot_frames').AutopilotFrames.on_imu(node, message)
+        assert node.attitudes == [(5.0, (1.0, 0.0, 0.0, 0.0))]
+
     def test_sectors_go_clockwise_from_the_nose(self) -> None:
         rays = np.array([(1, 0, 0), (0, 1, 0), (math.cos(0.3), -math.sin(0.3), 0)])  # ahead, right, 17 degrees left
         ranges = example('autopilot_frames').sectors_of(rays, 4.0)

@@ -104,6 +104,12 @@ def test_best_effort_imu_is_received_and_its_absence_reported(peer, start):
     images.publish(image_message(0))
     assert peer.until(lambda: len(answers) == 1)
     assert health.reported(WARN, 'nothing received on imu yet')
+    for _ in range(20):
+        rates.publish(Imu(header=answers[0].header, angular_velocity_covariance=[-1.0] + [0.0] * 8))
+        peer.until(lambda: False, 0.001)
+    before = len(health.reports)
+    assert peer.until(lambda: len(health.reports) > before + 2)
+    assert 'nothing received on imu yet' in health.reports[-1][1], 'these say that they have no angular velocity'
     for index in range(60):
         rates.publish(Imu(header=header_of(stamp_ns(answers[0].header) + index * IMU_PERIOD_NS, 'imu')))
         peer.until(lambda: False, 0.001)

@@ -169,6 +169,17 @@ def test_bags_give_the_rates_with_the_stamps_of_their_headers(tmp_path: Path):
     assert len(list(frames)) == 1
 
 
+def test_messages_of_a_bag_that_say_they_have_no_rate_are_left_out(tmp_path: Path):
+    """sensor_msgs/Imu: without an estimate of an element, the first element of its covariance is -1."""
+    with BagWriter(tmp_path / 'flight.mcap') as writer:
+        writer.write_image(np.zeros((48, 64), np.uint8), 5 * MS)
+        for index, (of_rate, of_attitude) in enumerate([(-1.0, 0.0), (0.0, -1.0), (0.01, 0.0), (-1.0, -1.0)]):
+            message = imu(index, 1.0, 2.0, 3.0)
+            message.angular_velocity_covariance[0], message.orientation_covariance[0] = of_rate, of_attitude
+            writer.write('/imu', message, index * MS)
+    assert [sample.stamp_ns // MS for sample in BagFrames(tmp_path / 'flight.mcap').gyro()] == [1, 2]
+
+
 def test_the_topic_named_imu_is_meant(tmp_path: Path):
     assert [sample.rate[2] for sample in bag(tmp_path, '/other/imu', '/imu').gyro()] == [4.0, 7.0]
 
