@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
-from urllib.parse import quote
+from urllib.parse import quote, urlsplit
 
 from motion_detect_ros.core.errors import MotionDetectError, SourceError
+from motion_detect_ros.sources.address import camera_number, is_address
 
 #: ``user:password`` of the address, or the whole address.
 SECRET_VARIABLE = 'MOTION_DETECT_SOURCE_SECRET'
@@ -32,16 +33,37 @@ def with_secret(address: str, secret_file: str) -> str:
     """The address with the credentials of ``secret_file``, or of the environment where that is empty.
 
     They are one line, ``user:password`` as they are (not percent-encoded), or a whole address, which replaces this one.
-    Raises: SourceError for a file that cannot be read or holds no line, and for credentials of what is no address.
+    Those of the environment are for addresses only: it is that of every camera that is started there.
+    Raises: SourceError for a file that cannot be read or holds no line, for credentials from it of what is no address,
+    and where an address does not say clearly to which host they would go.
     """
-    secret = _secret(secret_file)
+    of_network = is_address(address) and camera_number(address) is None
+    secret = _secret(secret_file) if secret_file or of_network else ''
     if not secret or '://' in secret:
         return secret or address
-    scheme, separator, rest = address.partition('://')
-    if not separator:
+    if not of_network:
         raise SourceError(f'source: expected an address (rtsp://...) for the credentials, got {masked(address)}')
+    scheme, _, rest = address.partition('://')
+    authority = until_path(rest)
+    host = authority.rpartition('@')[2]
+    if not _is_host(host):
+        raise SourceError(f'source: expected HOST or HOST:PORT after ://, got {masked(address)}; '
+                          'a / in a password is written %2F, a ? %3F, a # %23')
     user, _, password = secret.partition(':')
-    return f'{scheme}://{quote(user, safe="")}:{quote(password, safe="")}@{rest.rpartition("@")[2]}'
+    return f'{scheme}://{quote(user, safe="")}:{quote(password, safe="")}@{host}{rest[len(authority):]}'
+
+
+def until_path(rest: str) -> str:
+    """What is before path, query and fragment of an address without its scheme: an @ in these is no user's."""
+    return re.split('[/?#]', rest, maxsplit=1)[0]
+
+
+def _is_host(host: str) -> bool:
+    try:
+        parts = urlsplit(f'//{host}')
+        return bool(parts.hostname) and parts.port != 0
+    except ValueError:  # a port that is no number or too large, half an IPv6 address
+        return False
 
 
 def _secret(secret_file: str) -> str:

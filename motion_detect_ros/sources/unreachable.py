@@ -6,6 +6,8 @@ import contextlib
 import socket
 from urllib.parse import SplitResult, quote, urlsplit
 
+from motion_detect_ros.sources.secrets import until_path
+
 #: How long the server may take to connect, and to answer, seconds.
 TIMEOUT_S = 1.0
 _PORTS = {'rtsp': 554, 'http': 80, 'rtsps': 322, 'https': 443, 'rtmp': 1935}
@@ -28,8 +30,11 @@ def why_unreachable(address: str) -> str:
 def _readable(address: str) -> str:
     """The address with user and password quoted: a slash in them would end the host's name."""
     scheme, separator, rest = address.partition('://')
-    secret, at, place = rest.rpartition('@')
-    return f'{scheme}{separator}{quote(secret, safe=":")}{at}{place}'
+    authority, before_query = until_path(rest), rest.partition('?')[0]
+    if '@' not in authority and (':' not in authority or '@' not in before_query):
+        return address  # what is before the path is the host: without a colon there is no password in which it ends
+    secret, at, place = (before_query if '@' in before_query else rest).rpartition('@')
+    return f'{scheme}{separator}{quote(secret, safe=":")}{at}{place}{rest[len(secret + at + place):]}'
 
 
 def _asked(parts: SplitResult, host: str, port: int) -> str:

@@ -33,7 +33,12 @@ def test_what_is_shown_of_an_address(shown: str, address: str):
 @pytest.mark.parametrize(('secret', 'address', 'expected'), [
     ('me:p@ss/w', 'rtsp://cam/live', 'rtsp://me:p%40ss%2Fw@cam/live'),
     ('me:new\n', 'rtsp://old:pw@cam/live', 'rtsp://me:new@cam/live'),
-    ('rtsp://me:pw@cam/live', '0', 'rtsp://me:pw@cam/live'),
+    ('rtsp://me:pw@cam/live', 'rtsp://other/live', 'rtsp://me:pw@cam/live'),
+    ('me:pw', 'rtsp://cam/live?mail=me@example.org', 'rtsp://me:pw@cam/live?mail=me@example.org'),
+    ('me:pw', 'rtsp://cam:554/a@b/live', 'rtsp://me:pw@cam:554/a@b/live'),
+    ('me:pw', 'http://old:o@ld@[fe80::1]:80/a@b?c@d', 'http://me:pw@[fe80::1]:80/a@b?c@d'),
+    ('me:pw', 'http://cam?a@b', 'http://me:pw@cam?a@b'),
+    ('me:pw', 'http://cam#a@b', 'http://me:pw@cam#a@b'),
 ])
 def test_credentials_from_file_and_environment(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, secret: str, address: str, expected: str,
@@ -46,6 +51,27 @@ def test_credentials_from_file_and_environment(
     assert with_secret(address, '') == expected
 
 
+@pytest.mark.parametrize('secret', ['me:pw', 'rtsp://me:pw@cam/live'])
+@pytest.mark.parametrize('source', ['0', '/dev/video0', 'flight.mp4', 'file:///data/flight.mp4'])
+def test_the_environment_is_for_addresses_only(monkeypatch: pytest.MonkeyPatch, source: str, secret: str):
+    monkeypatch.setenv(SECRET_VARIABLE, secret)
+    assert with_secret(source, '') == source
+
+
+def test_a_file_may_hold_the_address_of_what_has_none(tmp_path: Path):
+    (tmp_path / 'secret').write_text('rtsp://me:pw@cam/live')
+    assert with_secret('0', str(tmp_path / 'secret')) == 'rtsp://me:pw@cam/live'
+
+
+@pytest.mark.parametrize('address', ['rtsp://old:p/w@cam/live', 'rtsp://old:7x?@cam', 'rtsp://cam:99999/', 'rtsp://[::1/'])
+def test_credentials_go_nowhere_where_the_host_is_not_clear(monkeypatch: pytest.MonkeyPatch, address: str):
+    monkeypatch.setenv(SECRET_VARIABLE, 'me:pw')
+    with pytest.raises(SourceError) as caught:
+        with_secret(address, '')
+    assert str(caught.value) == (f'source: expected HOST or HOST:PORT after ://, got {masked(address)}; '
+                                 'a / in a password is written %2F, a ? %3F, a # %23')
+
+
 def test_files_without_credentials_are_refused(tmp_path: Path):
     for name, content in (('empty', b''), ('two', b'a\nb'), ('binary', b'\xff\xfe')):
         (tmp_path / name).write_bytes(content)
@@ -54,5 +80,6 @@ def test_files_without_credentials_are_refused(tmp_path: Path):
     with pytest.raises(SourceError, match='No such file'):
         with_secret('rtsp://cam', str(tmp_path / 'no'))
     (tmp_path / 'good').write_text('a:b')
-    with pytest.raises(SourceError, match='expected an address'):
-        with_secret('/dev/video0', str(tmp_path / 'good'))
+    for source in ('/dev/video0', '0', 'file:///data/flight.mp4'):
+        with pytest.raises(SourceError, match='expected an address'):
+            with_secret(source, str(tmp_path / 'good'))

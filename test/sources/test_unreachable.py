@@ -67,3 +67,16 @@ def test_no_part_of_a_password_is_taken_for_the_host() -> None:
     with socket.create_server(('127.0.0.1', 0)) as server:
         port = port_of(server)
     assert why_unreachable(f'rtsp://admin:12/34@127.0.0.1:{port}/live') == 'connection refused'
+
+
+@pytest.mark.parametrize('address', [
+    'http://127.0.0.1:{port}/live?mail=me@host.invalid', 'http://me:pw@127.0.0.1:{port}/live?mail=me@host.invalid',
+    'http://me:p/w@127.0.0.1:{port}/live?mail=me@host.invalid', 'http://me:p@w@127.0.0.1:{port}/live'])
+def test_an_at_sign_in_the_query_is_no_host(server, address):
+    asked = answering(server, b'HTTP/1.1 404 Not Found\r\n\r\n')
+    assert why_unreachable(address.format(port=port_of(server))) == 'the server has nothing under this path (404)'
+    assert b'Host: 127.0.0.1\r\n' in asked[0]
+
+
+def test_an_at_sign_in_the_path_of_a_plain_host_is_no_host():
+    assert why_unreachable('http://host.invalid/a@127.0.0.1:9/live') == 'no address known for host.invalid'
