@@ -42,7 +42,7 @@ def _read(record: Path) -> dict[str, list[int]] | None:
     """What was recorded; None for nothing, or nothing of the demo."""
     try:
         content = json.loads(record.read_text(encoding='utf-8'))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
     return content if isinstance(content, dict) else None
 

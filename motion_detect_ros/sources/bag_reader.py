@@ -166,7 +166,7 @@ def _metadata(folder: Path) -> dict[str, Any]:
     try:
         content = yaml.safe_load((folder / METADATA_NAME).read_text(encoding='utf-8'))
         information = content['rosbag2_bagfile_information']
-    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError, yaml.YAMLError):
         return {}
     return information if isinstance(information, dict) else {}
 

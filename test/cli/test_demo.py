@@ -13,7 +13,9 @@ import pytest
 from mcap.reader import make_reader
 
 from motion_detect_ros.cli.demo import exit_code, real_time_factor
+from motion_detect_ros.cli.demo_files import begin
 from motion_detect_ros.cli.demo_table import Run, largest_difference, score_rows, table, without_small
+from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import TRUTH_DTYPE, RecordArray, empty_detections
 from motion_detect_ros.results.metrics import boxes_of
 
@@ -154,6 +156,14 @@ def test_files_of_others_are_not_replaced(name: str, tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (
         2, f'error: {tmp_path}/{name}: exists and is not of an earlier demo; choose another --output\n')
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {name: b'mine'}
+
+
+def test_a_record_nested_too_deep_is_of_others(tmp_path: Path) -> None:
+    record = '[' * 100_000 + ']' * 100_000
+    (tmp_path / 'demo.json').write_text(record)
+    with pytest.raises(SourceError, match=r'demo\.json: exists and is not of an earlier demo'):
+        begin(tmp_path, ['flight.mcap'])
+    assert (tmp_path / 'demo.json').read_text() == record
 
 
 def test_its_own_files_are_replaced(tmp_path: Path) -> None:

@@ -85,6 +85,17 @@ def test_a_list_of_parts_that_makes_no_sense_is_not_believed(split: Path, listed
     assert pictures_of(BagFrames(split)) == [*range(15)]
 
 
+@pytest.mark.parametrize('text', ['{', '7', 'a: 2024-13-01', '[' * 3000 + ']' * 3000])
+def test_a_description_that_makes_no_sense_is_not_believed(split: Path, text: str) -> None:
+    """The last one is nested deeper than the parser goes."""
+    (split / 'metadata.yaml').write_text(text)
+    assert pictures_of(BagFrames(split)) == [*range(15)]
+    for part in split.glob('*.mcap'):
+        part.unlink()
+    with pytest.raises(SourceError, match=r'split: found metadata.yaml; expected a bag \(metadata.yaml, \*.mcap, '):
+        BagFrames(split)
+
+
 def test_hidden_files_beside_the_parts_are_none(split: Path) -> None:
     """macOS leaves one beside each file on a disk of another system."""
     (split / 'metadata.yaml').unlink()
