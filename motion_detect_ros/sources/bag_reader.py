@@ -11,7 +11,7 @@ from typing import Any, Self
 import yaml
 
 from motion_detect_ros.core.errors import SourceError
-from motion_detect_ros.sources.frames import describe_folder
+from motion_detect_ros.sources.frames import describe_folder, describe_special
 from motion_detect_ros.sources.images import natural_key
 from motion_detect_ros.sources.mcap_file import MAGIC as MCAP_MAGIC
 from motion_detect_ros.sources.mcap_file import McapFile
@@ -30,7 +30,9 @@ def is_bag(path: Path) -> bool:
     if path.is_dir():
         return (path / METADATA_NAME).is_file() or bool(_storage_files(path))
     try:
-        return path.suffix in BAG_SUFFIXES or _magic(path).startswith((MCAP_MAGIC, SQLITE_MAGIC, ROSBAG1_MAGIC))
+        if path.suffix in BAG_SUFFIXES:
+            return True
+        return path.is_file() and _magic(path).startswith((MCAP_MAGIC, SQLITE_MAGIC, ROSBAG1_MAGIC))
     except OSError:  # nobody can say
         return False
 
@@ -93,6 +95,8 @@ class BagReader:
 def _open_parts(path: Path) -> list[BagStorage]:
     if path.is_file():
         return [_open_file(path)]
+    if kind := describe_special(path):
+        raise SourceError(f'{path}: expected a bag, got {kind}')
     if not path.is_dir():
         raise SourceError(f'{path}: no such bag')
     if _is_compressed(path):

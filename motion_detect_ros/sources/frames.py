@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,10 @@ FIRST_STAMP_NS = NANOSECONDS
 CAMERA_FRAME = 'camera_optical_frame'
 #: Rate of image sequences that come without time stamps, frames/s, where the user gives none.
 DEFAULT_FPS = 25.0
+
+#: What may be at a path besides files and folders.
+_SPECIAL = ((stat.S_ISCHR, 'a device; a camera is for the camera node'), (stat.S_ISBLK, 'a disk'),
+            (stat.S_ISFIFO, 'a pipe'), (stat.S_ISSOCK, 'a socket'))
 
 #: At most this many names are listed when a folder does not look as expected.
 _LISTED_NAMES = 6
@@ -62,6 +67,14 @@ class FrameSource(Protocol):
     @property
     def damaged(self) -> str | None:
         """What is wrong with the source as a whole, None for nothing known so far."""
+
+
+def describe_special(path: Path) -> str | None:
+    """What kind of thing is at a path, for messages; None for nothing, a file or a folder. Raises: OSError."""
+    if not path.exists():
+        return None
+    mode = path.stat().st_mode
+    return next((kind for is_of_kind, kind in _SPECIAL if is_of_kind(mode)), None)
 
 
 def describe_folder(folder: Path) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.sources.bag_reader import BAG_SUFFIXES
 from motion_detect_ros.sources.bags import BagFrames, is_bag
-from motion_detect_ros.sources.frames import DEFAULT_FPS, FrameSource, describe_folder
+from motion_detect_ros.sources.frames import DEFAULT_FPS, FrameSource, describe_folder, describe_special
 from motion_detect_ros.sources.images import image_files, image_folder
 from motion_detect_ros.sources.kitti import KittiDrive, is_kitti_drive
 from motion_detect_ros.sources.video import VIDEO_SUFFIXES, VideoFile
@@ -38,6 +38,8 @@ def open_source(
             return _open_folder(path, fps, topic, window, rectified)
         if path.is_file():
             return BagFrames(path, topic, window, rectified) if is_bag(path) else VideoFile(path, fps, window)
+        if kind := describe_special(path):
+            raise SourceError(f'{path}: expected a file or folder, got {kind}')
     except OSError as error:
         raise SourceError(f'{path}: cannot be read: {error.strerror or error}') from None
     raise SourceError(f'{path}: no such file or folder')

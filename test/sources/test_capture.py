@@ -32,6 +32,14 @@ def pictures(tmp_path: Path) -> str:
     return str(tmp_path)
 
 
+def test_a_device_is_a_camera_and_no_file() -> None:
+    assert not Path('/dev/video987').exists()
+    with pytest.raises(SourceError, match='^987: cannot be opened as a camera$'):
+        Capture('/dev/video987')
+    with pytest.raises(SourceError, match='^/dev/null: expected a file or folder, got a device; '):
+        Capture('/dev/null')
+
+
 def read_all(capture: Capture) -> list[int]:
     indexes = []
     while (frame := capture.read(TIMEOUT_S)) is not None:

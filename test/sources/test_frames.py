@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import socket
 import struct
 import subprocess
 import sys
+import threading
 import zlib
 from pathlib import Path
 
@@ -14,7 +16,7 @@ import numpy as np
 import pytest
 
 from motion_detect_ros.core.errors import SourceError
-from motion_detect_ros.sources.bags import BagFrames, BagWriter
+from motion_detect_ros.sources.bags import BagFrames, BagReader, BagWriter, is_bag
 from motion_detect_ros.sources.images import ImageSequence, decode_image, image_files, image_folder
 from motion_detect_ros.sources.opening import open_source, source_name
 from motion_detect_ros.sources.video import VideoFile
@@ -196,6 +198,27 @@ def test_the_log_of_opencv_4_6_is_silenced_too(tmp_path: Path, monkeypatch: pyte
 def test_frame_rate_must_be_positive(tmp_path: Path, fps: float) -> None:
     with pytest.raises(SourceError, match='frame rate: expected a number over 0'):
         open_source(tmp_path, fps)
+
+
+def test_what_is_there_and_holds_no_pictures_is_named(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / 'pipe')
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(tmp_path / 'socket'))
+        for path, kind in ((Path('/dev/null'), 'a device; a camera is for the camera node'),
+                           (tmp_path / 'pipe', 'a pipe'), (tmp_path / 'socket', 'a socket')):
+            for opened, expected in ((open_source, 'a file or folder'), (BagReader, 'a bag')):
+                with pytest.raises(SourceError) as error:
+                    opened(path)
+                assert str(error.value) == f'{path}: expected {expected}, got {kind}'
+
+
+def test_a_pipe_is_no_bag_and_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / 'pipe')
+    found: list[bool] = []
+    looking = threading.Thread(target=lambda: found.append(is_bag(tmp_path / 'pipe')), daemon=True)
+    looking.start()
+    looking.join(60.0)
+    assert found == [False]
 
 
 def absurd_png() -> bytes:
