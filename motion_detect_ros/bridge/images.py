@@ -15,7 +15,7 @@ from motion_detect_ros.core.errors import MessageError, SourceError
 from motion_detect_ros.core.types import NANOSECONDS, CameraModel, FlowField
 from motion_detect_ros.sources.camera_info import distortion_model_of
 from motion_detect_ros.sources.encoding import FLOW_ENCODING, ImageDecoder, encoding_of, pixel_rows
-from motion_detect_ros.sources.images import decode_image
+from motion_detect_ros.sources.images import PictureSizeError, decode_image
 from motion_detect_ros.sources.messages import split_stamp
 
 #: Of libjpeg, pixels a side.
@@ -117,5 +117,7 @@ def bytes_of(values: npt.NDArray[np.generic]) -> array[int]:
 def _decompressed(msg: CompressedImage, decoder: ImageDecoder) -> npt.NDArray[np.uint8]:
     try:
         return decode_image(bytes(msg.data), 'compressed image', decoder)
+    except PictureSizeError as error:
+        raise MessageError(str(error)) from None
     except SourceError as error:
         raise MessageError(f'{error}: expected JPEG or PNG, got format {msg.format!r}') from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -28,12 +29,20 @@ _JPEG_MARKER = re.compile(rb'\xff[^\x00\xd0-\xd7\xff]')
 #: A PNG is this, then chunks: 4 bytes of length, 4 of kind, the content, 4 of checksum.
 _PNG_START, _PNG_END, _PNG_CHUNK_BYTES = b'\x89PNG\r\n\x1a\n', b'IEND', 12
 
+#: The limit of OpenCV, which the package sets where the user does not; what its error names; its limit of a side, px.
+_MAX_PIXELS, _SIZE_LIMIT, _LONGEST_SIDE_PX = 'OPENCV_IO_MAX_IMAGE_PIXELS', 'CV_IO_MAX_IMAGE', 1 << 20
+
+
+class PictureSizeError(SourceError):
+    """A picture with more pixels than may be decoded."""
+
 
 def decode_image(data: bytes, what: str, decoder: ImageDecoder | None = None) -> ByteArray:
     """Decode an image file held in memory to (H, W) grey or (H, W, 3) BGR, uint8.
 
     what: name for the message; decoder: of the stream, learns the depth of 16-bit images from those before, None = this
-    is the only one. Raises: SourceError where the bytes are no complete picture.
+    is the only one. Raises: SourceError where the bytes are no complete picture, PictureSizeError where their header
+    promises a larger one than OpenCV is allowed to decode.
     """
     if data.startswith(_JPEG_START) and not _has_jpeg_end(data):
         # OpenCV would fill the missing rows with grey and call it a picture.
@@ -41,21 +50,24 @@ def decode_image(data: bytes, what: str, decoder: ImageDecoder | None = None) ->
     if data.startswith(_PNG_START) and not _has_all_chunks(data):
         # OpenCV would take the memory that a damaged length asks for, up to 4 GB.
         raise SourceError(f'{what}: PNG is cut off after {len(data)} bytes')
-    image = _decoded(data, _DEEP)
+    image = _decoded(data, _DEEP, what)
     if image is not None and image.dtype == np.uint16:
         return (decoder or ImageDecoder()).reduced(image)
     if image is not None and image.dtype != np.uint8:  # of floating point
-        image = _decoded(data, AS_STORED)
+        image = _decoded(data, AS_STORED, what)
     if image is None:
         raise SourceError(f'{what}: {len(data)} bytes that are no picture')
     return image.astype(np.uint8, copy=False)
 
 
-def _decoded(data: bytes, flags: int) -> npt.NDArray[Any] | None:
+def _decoded(data: bytes, flags: int, what: str) -> npt.NDArray[Any] | None:
     try:
         return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
-    except cv2.error:  # a header that promises an absurd size
-        return None
+    except cv2.error as error:
+        if _SIZE_LIMIT not in str(error):
+            return None
+        raise PictureSizeError(f'{what}: expected a picture of at most {os.environ.get(_MAX_PIXELS, "2^30")} pixels '
+                               f'({_MAX_PIXELS}) and {_LONGEST_SIDE_PX} a side, got a larger one') from None
 
 
 def _has_jpeg_end(jpeg: bytes) -> bool:

@@ -108,7 +108,7 @@ def test_compressed_images_are_not_turned_by_their_exif_tag():
 def test_a_header_that_promises_an_absurd_size_is_refused():
     side = 1_100_000
     bitmap = struct.pack('<2sIHHIIiiHHIIiiII', b'BM', 154, 0, 0, 54, 40, side, side, 1, 24, 0, 0, 0, 0, 0, 0)
-    with pytest.raises(MessageError, match="154 bytes that are no picture: expected JPEG or PNG, got format 'bmp'"):
+    with pytest.raises(MessageError, match=r'image: expected a picture of at most \d+ pixels .*, got a larger one$'):
         image_from_msg(CompressedImage(format='bmp', data=bitmap + bytes(100)))
 
 
