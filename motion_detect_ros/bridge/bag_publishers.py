@@ -6,25 +6,33 @@ from collections.abc import Iterable
 from typing import Any
 
 from rclpy.exceptions import InvalidTopicNameException
+from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from motion_detect_ros.bridge.managed_node import ManagedNode
 from motion_detect_ros.bridge.serialized import IMAGE_TYPES, message_class, quality_of
 from motion_detect_ros.core.errors import MessageError
-from motion_detect_ros.sources.raw import LOST, RawMessage, TopicInfo
+from motion_detect_ros.sources.raw import CDR, LOST, RawMessage, TopicInfo, one_line
 
 
 class BagPublishers:
-    """One for each topic whose type is installed; what cannot be published is named, and costs itself only."""
+    """One for each topic in CDR whose type is installed; what cannot be published costs itself only.
+
+    Topics that are left out are named in one warning.
+    """
 
     def __init__(self, node: ManagedNode, topics: Iterable[TopicInfo]) -> None:
         """Topics of two types, as MCAP allows them and ROS does not, are published with the first one."""
+        self._node = node
         self._publishers: dict[str, Any] = {}
-        self._types: dict[str, str] = {}
+        self._played: dict[str, TopicInfo] = {}
+        faults: list[str] = []
         for topic in topics:
             try:
-                self._add(node, topic)
+                self._add(topic)
             except MessageError as error:
-                node.bad_input(error)
+                faults.append(f'topic {topic.name}: {error}')
+        if faults:
+            node.bad_input(MessageError('; '.join(faults)))
 
     @property
     def topics(self) -> list[str]:
@@ -34,31 +42,35 @@ class BagPublishers:
     @property
     def images(self) -> list[Any]:
         """The publishers of images."""
-        return [each for name, each in self._publishers.items() if self._types[name] in IMAGE_TYPES]
+        return [each for name, each in self._publishers.items() if self._played[name].msgtype in IMAGE_TYPES]
 
     def takes(self, message: RawMessage) -> bool:
         """Whether it is of the type that its topic is published with."""
-        return self._types.get(message.topic) == message.msgtype
-
-    def fault_of(self, message: RawMessage) -> str:
-        """Why it cannot be published, empty where it can."""
-        if message.data != LOST:
-            return ''
-        return f'{message.topic}: left out: a message that cannot be read as {message.msgtype}'
+        topic = self._played.get(message.topic)
+        return topic is not None and topic.holds(message)
 
     def publish(self, message: RawMessage) -> None:
-        """The bytes as they are."""
-        self._publishers[message.topic].publish(message.data)
+        """The bytes as they are. Raises: MessageError where they are lost, or DDS refuses them."""
+        if message.data == LOST:
+            raise MessageError(f'{message.topic}: left out: a message that cannot be read as {message.msgtype}')
+        try:
+            self._publishers[message.topic].publish(message.data)
+        except rclpy_implementation.RCLError as error:
+            if not self._node.context.ok():
+                raise
+            raise MessageError(f'{message.topic}: left out: a message of {len(message.data)} bytes that is refused as '
+                               f'{message.msgtype}: {one_line(error)}') from None
 
-    def _add(self, node: ManagedNode, topic: TopicInfo) -> None:
+    def _add(self, topic: TopicInfo) -> None:
         """Raises: MessageError where it cannot be published."""
-        first = self._types.get(topic.name)
-        if first is not None:
-            raise MessageError(f'topic {topic.name}: expected one type, got {first} and {topic.msgtype}; '
+        if topic.encoding != CDR:
+            raise MessageError(f'expected messages in {CDR}, got {topic.encoding}')
+        if topic.name in self._played:
+            raise MessageError(f'expected one type, got {self._played[topic.name].msgtype} and {topic.msgtype}; '
                                'the first is played')
         try:
-            self._publishers[topic.name] = node.advertise(
+            self._publishers[topic.name] = self._node.advertise(
                 message_class(topic.msgtype), topic.name.lstrip('/'), quality_of(topic))
         except InvalidTopicNameException as error:  # MCAP files of other tools
-            raise MessageError(f'topic {topic.name}: {error}'.splitlines()[0]) from None
-        self._types[topic.name] = topic.msgtype
+            raise MessageError(str(error).splitlines()[0]) from None
+        self._played[topic.name] = topic

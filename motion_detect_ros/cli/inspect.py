@@ -59,12 +59,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 def inspect_bag(path: Path) -> BagReport:
     """Read every message of a bag. Raises: SourceError where it is no bag."""
-    stamps: defaultdict[tuple[str, str], list[int]] = defaultdict(list)
+    stamps: defaultdict[tuple[str, ...], list[int]] = defaultdict(list)
     with BagReader(path) as bag:
         for message in bag.messages():
             if message.data != LOST:
-                stamps[message.topic, message.msgtype].append(message.log_stamp_ns)
-        topics = tuple(_topic_report(t.name, t.msgtype, t.count, stamps[t.name, t.msgtype]) for t in bag.topics)
+                stamps[message.topic, message.msgtype, message.encoding].append(message.log_stamp_ns)
+        topics = tuple(_topic_report(t.name, t.form, t.count, stamps[t.name, t.msgtype, t.encoding])
+                       for t in bag.topics)
         damaged = bag.damaged
     everything = [stamp for times in stamps.values() for stamp in times]
     duration_ns = max(everything) - min(everything) if everything else 0

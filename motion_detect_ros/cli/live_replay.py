@@ -141,8 +141,7 @@ def read_through(bag: Path, topic: TopicInfo) -> Recorded:
     """
     readable, frame_of = 0, dict[int, int]()
     with BagReader(bag) as reader:
-        images = (message for message in reader.messages([topic.name]) if message.msgtype == topic.msgtype)
-        for number, message in enumerate(images):
+        for number, message in enumerate(filter(topic.holds, reader.messages([topic.name]))):
             readable += message.data != LOST
             with contextlib.suppress(MessageError):
                 frame_of.setdefault(header_stamp_ns(message.data), number)

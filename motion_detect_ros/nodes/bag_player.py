@@ -14,7 +14,7 @@ from motion_detect_ros.bridge.runner import main_of
 from motion_detect_ros.bridge.serialized import is_static
 from motion_detect_ros.bridge.source_node import SourceNode
 from motion_detect_ros.bridge.topics import CLOCK, TopicPublisher
-from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.core.errors import MessageError, SourceError
 from motion_detect_ros.core.types import NANOSECONDS
 from motion_detect_ros.sources.bags import BagReader, RawMessage
 from motion_detect_ros.sources.pace import Pace
@@ -57,7 +57,7 @@ class BagPlayerNode(SourceNode):
             self.get_logger().info(f'{self._bag}: left out, recorded results of this package: {left_out}')
 
     def open(self) -> None:
-        """Publishers for all topics of the bag whose types are installed."""
+        """Publishers for all topics of the bag that can be played."""
         self._ticks = TopicPublisher(self, CLOCK) if self._with_clock else None
         self._recorded = BagPublishers(self, self._topics)
 
@@ -66,7 +66,7 @@ class BagPlayerNode(SourceNode):
         if self._recorded.images:
             self.await_subscribers(self._recorded.images, lambda: self._ticks.subscribers if self._ticks else 1)
         if not self._recorded.topics:
-            raise SourceError(f'{self._bag}: expected a topic whose type is installed, got none')
+            raise SourceError(f'{self._bag}: expected a topic that can be played, got none')
         if self._next_s is None:  # it has played before
             self._next_s = float(self.get_parameter('position_s').value)
         while not self.stopped.is_set():
@@ -108,8 +108,7 @@ class BagPlayerNode(SourceNode):
                 if self.stopped.is_set() or self._next_s is not None:
                     return
                 if timed.position_ns >= start_ns:
-                    late_s = self._pace.wait(timed.position_ns)
-                    if late_s is None:
+                    if (late_s := self._pace.wait(timed.position_ns)) is None:
                         return
                     self._late_s = late_s
                     self._tick(timed)
@@ -135,12 +134,13 @@ class BagPlayerNode(SourceNode):
 
     def _publish(self, message: RawMessage) -> None:
         self.stats.count_received(time.monotonic_ns())
-        if fault := self._recorded.fault_of(message):
-            self.stats.count_error(fault)
-            self.get_logger().warning(f'{fault}; further ones are counted', once=True)
-            return
         start = time.perf_counter()
-        self._recorded.publish(message)
+        try:
+            self._recorded.publish(message)
+        except MessageError as error:
+            self.stats.count_error(str(error))
+            self.get_logger().warning(f'{error}; further ones are counted', once=True)
+            return
         self.stats.count_processed(time.monotonic_ns(), 1e3 * (time.perf_counter() - start), UNKNOWN_AGE_MS)
 
 

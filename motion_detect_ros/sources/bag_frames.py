@@ -15,7 +15,7 @@ from motion_detect_ros.sources.encoding import ImageDecoder
 from motion_detect_ros.sources.frames import SourceFrame
 from motion_detect_ros.sources.images import decode_image
 from motion_detect_ros.sources.inertial import GyroSample, rates_of
-from motion_detect_ros.sources.raw import RawMessage, TopicInfo
+from motion_detect_ros.sources.raw import CDR, RawMessage, TopicInfo
 from motion_detect_ros.sources.timeline import timeline
 from motion_detect_ros.sources.window import WHOLE, Choice, Selection, Window
 
@@ -93,7 +93,7 @@ class BagFrames:
     @property
     def imu_topic(self) -> str | None:
         """The topic that ``gyro`` reads. Raises: SourceError as ``gyro``."""
-        found = [topic for topic in self._reader.topics if topic.msgtype == messages.IMU and topic.count]
+        found = [topic for topic in self._reader.topics if _holds(topic, messages.IMU) and topic.count]
         named = [topic for topic in found if topic.name.lstrip('/') == _IMU] or found
         if len(named) > 1:
             listed = ', '.join(f'{topic.name} ({topic.count})' for topic in found)
@@ -102,7 +102,8 @@ class BagFrames:
 
     def _choose_camera_topic(self) -> str | None:
         """The CameraInfo beside the image topic, or the only one in the bag."""
-        infos = [topic.name for topic in self._reader.topics if topic.msgtype == messages.CAMERA_INFO and topic.count]
+        infos = [topic.name for topic in self._reader.topics
+                 if _holds(topic, messages.CAMERA_INFO) and topic.count]
         beside = self.topic.name.removesuffix(_COMPRESSED).rpartition('/')[0] + '/camera_info'
         named = [name for name in infos if '/' + name.lstrip('/') == '/' + beside.lstrip('/')] or infos
         return named[0] if len(named) == 1 else None
@@ -132,8 +133,13 @@ def decode_message(message: RawMessage, decoder: ImageDecoder) -> tuple[ByteArra
 
 
 def _messages(reader: BagReader, topic: str | None, msgtype: str) -> Iterator[RawMessage]:
-    """Those of a topic that are of this type, if not all are."""
-    return (message for message in reader.messages([topic] if topic else ()) if message.msgtype == msgtype)
+    """Those of a topic that are of this type, in CDR, if not all are."""
+    return (message for message in reader.messages([topic] if topic else ()) if _holds(message, msgtype))
+
+
+def _holds(what: TopicInfo | RawMessage, *msgtypes: str) -> bool:
+    """Whether it is of one of these types, in bytes that can be read."""
+    return what.msgtype in msgtypes and what.encoding == CDR
 
 
 def _gyro(reader: BagReader, topic: str | None) -> Iterator[GyroSample]:
@@ -148,8 +154,9 @@ def _gyro(reader: BagReader, topic: str | None) -> Iterator[GyroSample]:
 
 
 def _choose_topic(path: Path, topics: tuple[TopicInfo, ...], wanted: str | None) -> TopicInfo:
-    images = [topic for topic in topics if topic.msgtype in IMAGE_TYPES]
-    listed = ', '.join(f'{topic.name} ({topic.msgtype}, {topic.count})' for topic in images) or 'none'
+    listed = ', '.join(f'{topic.name} ({topic.form}, {topic.count})'
+                       for topic in topics if topic.msgtype in IMAGE_TYPES) or 'none'
+    images = [topic for topic in topics if _holds(topic, *IMAGE_TYPES)]
     if not sum(topic.count for topic in topics):
         raise SourceError(f'{path}: the bag is empty (0 messages in {len(topics)} topics)')
     if wanted is not None:

@@ -16,13 +16,10 @@ from rosbags.typesys.msg import normalize_msgtype
 
 from motion_detect_ros.sources.mcap_losses import Losses
 from motion_detect_ros.sources.mcap_summary import Section, SummaryError, is_damage, read_summary, sections_of
-from motion_detect_ros.sources.messages import from_ros1
-from motion_detect_ros.sources.raw import LOST, RawMessage, TopicInfo, merged
+from motion_detect_ros.sources.messages import ROS1, from_ros1, ros1_encoding
+from motion_detect_ros.sources.raw import CDR, LOST, RawMessage, TopicInfo, merged
 
 MAGIC = b'\x89MCAP0\r\n'
-
-#: Encoding of the messages of a ROS 1 bag that was converted to MCAP.
-ROS1 = 'ros1'
 
 #: A chunk that announces more than this is damaged; recorders write some megabytes.
 MAX_CHUNK_BYTES = 1 << 30
@@ -127,7 +124,7 @@ class McapFile:
         self._losses.list_lost(None if channel is None else len(index.records) * wanted)
         if channel is not None and wanted:
             for log_stamp_ns, _ in index.records:
-                yield RawMessage(channel.topic, self._msgtype(channel), log_stamp_ns, LOST)
+                yield RawMessage(channel.topic, self._msgtype(channel), log_stamp_ns, LOST, self._encoding(channel))
 
     def _learn(self, records: Iterable[McapRecord], topics: frozenset[str] | None) -> Iterator[RawMessage]:
         """Remember schemas and channels, give the messages of the wanted topics."""
@@ -142,13 +139,19 @@ class McapFile:
                     self._losses.add_read()
                     msgtype = self._msgtype(channel)
                     data = from_ros1(record.data, msgtype) if channel.message_encoding == ROS1 else record.data
-                    yield RawMessage(channel.topic, msgtype, record.log_time, data)
+                    yield RawMessage(channel.topic, msgtype, record.log_time, data, self._encoding(channel))
 
     def _msgtype(self, channel: Channel) -> str:
         schema = self._schemas.get(channel.schema_id)
         if schema is None:
             return ''
         return normalize_msgtype(schema.name) if channel.message_encoding == ROS1 else schema.name
+
+    def _encoding(self, channel: Channel) -> str:
+        """Of its messages as they are given; CDR where the file does not tell."""
+        if channel.message_encoding == ROS1:
+            return ros1_encoding(self._msgtype(channel))
+        return channel.message_encoding or CDR
 
     def _read_summary(self) -> str:
         """Take channels, counts and places from the end of the file; what is wrong with it, empty for nothing."""
@@ -185,11 +188,11 @@ class McapFile:
         counts = self._counts()
         if counts is None:
             return ()
-        return merged(TopicInfo(channel.topic, self._msgtype(channel), counts.get(number, 0))
+        return merged(TopicInfo(channel.topic, self._msgtype(channel), counts.get(number, 0), self._encoding(channel))
                       for number, channel in self._channels.items())
 
     def _counted_topics(self) -> tuple[TopicInfo, ...]:
-        return merged(TopicInfo(message.topic, message.msgtype, 1) for message in self.messages())
+        return merged(TopicInfo(message.topic, message.msgtype, 1, message.encoding) for message in self.messages())
 
 
 def _by_time(message: RawMessage) -> int:

@@ -16,6 +16,7 @@ from motion_detect_ros.core.errors import MessageError
 from motion_detect_ros.core.types import NANOSECONDS, ByteArray, CameraModel, DoubleArray, RecordArray
 from motion_detect_ros.sources.box_definitions import DEFINITIONS
 from motion_detect_ros.sources.camera_info import distortion_model_of
+from motion_detect_ros.sources.raw import CDR
 
 IMAGE = 'sensor_msgs/msg/Image'
 COMPRESSED_IMAGE = 'sensor_msgs/msg/CompressedImage'
@@ -23,6 +24,8 @@ CAMERA_INFO = 'sensor_msgs/msg/CameraInfo'
 IMU = 'sensor_msgs/msg/Imu'
 NAV_SAT_FIX = 'sensor_msgs/msg/NavSatFix'
 POINT_CLOUD = 'sensor_msgs/msg/PointCloud2'
+#: Encoding of the messages of a ROS 1 bag.
+ROS1 = 'ros1'
 
 #: What rosbags raises on bytes that are not the message they claim to be.
 _DECODE_ERRORS = (SerdeError, struct.error, ValueError, IndexError, TypeError, AssertionError, MemoryError)
@@ -66,13 +69,18 @@ def deserialize(data: bytes, msgtype: str) -> Any:
         raise MessageError(f'{len(data)} bytes are no {msgtype}: {error}') from None
 
 
+def ros1_encoding(msgtype: str) -> str:
+    """What ``from_ros1`` makes of messages of a type: ``cdr``, or ``ros1`` where Jazzy does not have the type."""
+    return CDR if msgtype in typestore().fielddefs else ROS1
+
+
 def from_ros1(data: bytes, msgtype: str) -> bytes:
     """CDR bytes of a message as ROS 1 wrote it; ``msgtype`` by its name in ROS 2 (``sensor_msgs/msg/Image``).
 
     The number that headers had in ROS 1 is dropped. No bytes where they are no such message, which ``deserialize``
     refuses; those of types that Jazzy does not have stay as they are.
     """
-    if msgtype not in typestore().fielddefs:
+    if ros1_encoding(msgtype) == ROS1:
         return bytes(data)
     try:
         return bytes(typestore().ros1_to_cdr(data, msgtype))

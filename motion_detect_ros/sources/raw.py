@@ -7,14 +7,27 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
+#: Encoding of the messages of ROS 2, the only one that is read and played.
+CDR = 'cdr'
+
 
 @dataclass(frozen=True)
 class TopicInfo:
-    """One topic of a bag: its name, ROS type (``sensor_msgs/msg/Image``) and number of messages."""
+    """One topic of a bag: its name, ROS type (``sensor_msgs/msg/Image``), number of messages, and their encoding."""
 
     name: str
     msgtype: str
     count: int
+    encoding: str = CDR
+
+    @property
+    def form(self) -> str:
+        """Type of its messages, with their encoding where that is another than usual."""
+        return self.msgtype if self.encoding == CDR else f'{self.msgtype} in {self.encoding}'
+
+    def holds(self, message: RawMessage) -> bool:
+        """Whether a message is one of its; channels of other types or encodings may share the name."""
+        return (message.topic, message.msgtype, message.encoding) == (self.name, self.msgtype, self.encoding)
 
 
 #: In place of the bytes of a message that was recorded and cannot be read any more; no message of ROS has none.
@@ -23,12 +36,13 @@ LOST = b''
 
 @dataclass(frozen=True)
 class RawMessage:
-    """One recorded message. ``log_stamp_ns``: when it was recorded, ns; ``data``: CDR bytes, or ``LOST``."""
+    """One recorded message. ``log_stamp_ns``: when that was, ns; ``data``: its bytes in ``encoding``, or ``LOST``."""
 
     topic: str
     msgtype: str
     log_stamp_ns: int
     data: bytes
+    encoding: str = CDR
 
 
 class BagStorage(Protocol):
@@ -50,11 +64,11 @@ class BagStorage(Protocol):
 
 
 def merged(topics: Iterable[TopicInfo]) -> tuple[TopicInfo, ...]:
-    """Topics of the same name and type, as those of several channels or files, as one with all their messages."""
-    counts: Counter[tuple[str, str]] = Counter()
+    """Topics alike but for the count, as those of several channels or files, as one with all their messages."""
+    counts: Counter[tuple[str, str, str]] = Counter()
     for topic in topics:
-        counts[topic.name, topic.msgtype] += topic.count
-    return tuple(TopicInfo(name, msgtype, count) for (name, msgtype), count in counts.items())
+        counts[topic.name, topic.msgtype, topic.encoding] += topic.count
+    return tuple(TopicInfo(name, msgtype, count, encoding) for (name, msgtype, encoding), count in counts.items())
 
 
 def one_line(error: Exception) -> str:

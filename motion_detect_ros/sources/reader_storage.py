@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from motion_detect_ros.core.errors import SourceError
-from motion_detect_ros.sources.raw import LOST, RawMessage, TopicInfo, one_line
+from motion_detect_ros.sources.raw import LOST, RawMessage, TopicInfo, merged, one_line
 
 if TYPE_CHECKING:
     from rosbags import rosbag1, rosbag2
+    from rosbags.interfaces import Connection
 
 
 class ReaderStorage(ABC):
@@ -39,9 +40,10 @@ class ReaderStorage(ABC):
             raise SourceError(f'{path}: {refusal}' + (f'; {fault}' if fault else '')) from None
 
     @property
-    @abstractmethod
     def topics(self) -> tuple[TopicInfo, ...]:
-        """Topics with counts from the bag's own index."""
+        """Topics with counts from the bag's index; several connections may share one."""
+        return merged(TopicInfo(connection.topic, connection.msgtype, connection.msgcount, self._encoding(connection))
+                      for connection in self._reader.connections)
 
     def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
         """Messages in order of time; where the file breaks, ``damaged`` says so and the rest is ``LOST``."""
@@ -52,7 +54,8 @@ class ReaderStorage(ABC):
         try:
             for connection, stamp_ns, data in self._reader.messages(wanted):
                 given[connection.id] += 1
-                yield RawMessage(connection.topic, connection.msgtype, stamp_ns, self._cdr(data, connection.msgtype))
+                yield RawMessage(connection.topic, connection.msgtype, stamp_ns, self._cdr(data, connection.msgtype),
+                                 self._encoding(connection))
         except self.errors as error:
             if not self._of_content(error, opening=False):
                 raise
@@ -60,15 +63,20 @@ class ReaderStorage(ABC):
             self.damaged = f'{self._path.name}: {"; ".join(faults)}'
             if self._path.is_file():  # the counts of a folder are its metadata's, and no part comes after it
                 for connection in wanted:
-                    lost = RawMessage(connection.topic, connection.msgtype, stamp_ns, LOST)
+                    lost = RawMessage(connection.topic, connection.msgtype, stamp_ns, LOST,
+                                      self._encoding(connection))
                     yield from repeat(lost, max(0, connection.msgcount - given[connection.id]))
 
     def close(self) -> None:
         """Close the file."""
         self._reader.close()
 
+    @abstractmethod
+    def _encoding(self, connection: Connection) -> str:
+        """Of its messages as ``_cdr`` gives them."""
+
     def _cdr(self, data: bytes, msgtype: str) -> bytes:
-        """A message as ROS 2 has it."""
+        """A message as ROS 2 has it, where it can be turned into that."""
         return bytes(data)
 
     def _of_content(self, error: Exception, opening: bool) -> bool:

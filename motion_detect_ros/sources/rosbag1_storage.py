@@ -6,10 +6,10 @@ import errno
 import struct
 from pathlib import Path
 
+from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader, ReaderError
 
-from motion_detect_ros.sources.messages import from_ros1
-from motion_detect_ros.sources.raw import TopicInfo, merged
+from motion_detect_ros.sources.messages import from_ros1, ros1_encoding
 from motion_detect_ros.sources.reader_storage import ReaderStorage
 
 ROSBAG1_MAGIC = b'#ROSBAG V'
@@ -27,11 +27,8 @@ class Rosbag1Storage(ReaderStorage):
         """Raises: SourceError where it cannot be opened, as a recording that was cut off before ``rosbag reindex``."""
         super().__init__(path, Reader(path))
 
-    @property
-    def topics(self) -> tuple[TopicInfo, ...]:
-        """Topics with counts from the bag's index; several connections may share one."""
-        return merged(TopicInfo(connection.topic, connection.msgtype, connection.msgcount)
-                      for connection in self._reader.connections)
+    def _encoding(self, connection: Connection) -> str:
+        return ros1_encoding(connection.msgtype)
 
     def _cdr(self, data: bytes, msgtype: str) -> bytes:
         return from_ros1(data, msgtype)

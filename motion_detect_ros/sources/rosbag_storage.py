@@ -6,12 +6,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import cast
 
 import apsw
+from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.errors import ReaderError
 
-from motion_detect_ros.sources.raw import TopicInfo
+from motion_detect_ros.sources.raw import CDR
 from motion_detect_ros.sources.reader_storage import ReaderStorage
 
 SQLITE_MAGIC = b'SQLite format 3\x00'
@@ -28,11 +30,8 @@ class RosbagStorage(ReaderStorage):
         with _plain_name(path) as plain:
             super().__init__(path, Reader(plain), _unread_log(path))
 
-    @property
-    def topics(self) -> tuple[TopicInfo, ...]:
-        """Topics with counts from the bag's own index."""
-        return tuple(TopicInfo(connection.topic, connection.msgtype, connection.msgcount)
-                     for connection in self._reader.connections)
+    def _encoding(self, connection: Connection) -> str:
+        return cast(ConnectionExtRosbag2, connection.ext).serialization_format or CDR
 
 
 @contextmanager

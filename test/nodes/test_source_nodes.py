@@ -328,7 +328,7 @@ def test_a_bag_without_a_known_type_is_not_played_for_ever(peer, start, tmp_path
         writer.finish()
     process = start('bag_player', '-p', f'bag:={path}', '-p', 'loop:=true', code=2)
     assert peer.until(lambda: process.poll() is not None)
-    assert f'{path}: expected a topic whose type is installed, got none' in (tmp_path / 'bag_player.log').read_text()
+    assert f'{path}: expected a topic that can be played, got none' in (tmp_path / 'bag_player.log').read_text()
 
 
 def test_late_subscribers_get_the_static_transforms(peer, start, tmp_path):

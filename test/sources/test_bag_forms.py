@@ -208,6 +208,59 @@ def test_a_topic_with_two_types_is_two(tmp_path: Path, capsys: pytest.CaptureFix
     assert counts == [['/image_raw', messages.IMAGE, '10'], ['/image_raw', 'std_msgs/msg/String', '10']]
 
 
+def write_json_mcap(path: Path, count: int) -> Path:
+    with path.open('wb') as stream:
+        writer = McapWriter(stream)
+        writer.start(profile='ros2')
+        schema = writer.register_schema(messages.IMAGE, 'ros2msg', b'')
+        json, cdr = (writer.register_channel('/image_raw', encoding, schema) for encoding in ('json', 'cdr'))
+        for index in range(count):
+            stamp = STAMP + index * PERIOD
+            writer.add_message(json, stamp, b'{"height": 48}', stamp)
+            writer.add_message(cdr, stamp, messages.serialize(messages.image(noise(index), stamp, 'cam')), stamp)
+        writer.finish()
+    return path
+
+
+def write_json_db3(path: Path, count: int) -> Path:
+    with Rosbag2Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        json, cdr = (writer.add_connection('/image_raw', messages.IMAGE, typestore=JAZZY, serialization_format=encoding)
+                     for encoding in ('json', 'cdr'))
+        for index in range(count):
+            stamp = STAMP + index * PERIOD
+            writer.write(json, stamp, b'{"height": 48}')
+            writer.write(cdr, stamp, messages.serialize(messages.image(noise(index), stamp, 'cam')))
+    return path
+
+
+@pytest.mark.parametrize('write', [write_json_mcap, write_json_db3])
+def test_a_topic_in_two_encodings_is_two_and_the_images_in_cdr_are_read(
+        write: Callable[[Path, int], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    path = write(tmp_path / 'a.mcap', 10)
+    with BagReader(path) as reader:
+        assert reader.topics == (TopicInfo('/image_raw', messages.IMAGE, 10, 'json'),
+                                 TopicInfo('/image_raw', messages.IMAGE, 10))
+    source = BagFrames(path)
+    assert [np.array_equal(frame.image, noise(index)) for index, frame in enumerate(source)] == [True] * 10
+    assert (source.frame_count, source.bad_frames) == (10, 0)
+    assert main(['inspect', str(path)]) == 0
+    found = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith('/image_raw')]
+    assert [words[:4] for words in found] == [['/image_raw', messages.IMAGE, 'in', 'json'],
+                                              ['/image_raw', messages.IMAGE, '10', '10.00']]
+
+
+def test_images_in_another_encoding_only_are_named(tmp_path: Path):
+    path = tmp_path / 'a.mcap'
+    with path.open('wb') as stream:
+        writer = McapWriter(stream)
+        writer.start(profile='ros2')
+        schema = writer.register_schema(messages.IMAGE, 'ros2msg', b'')
+        writer.add_message(writer.register_channel('/image_raw', 'json', schema), STAMP, b'{}', STAMP)
+        writer.finish()
+    with pytest.raises(SourceError, match=r'no image topic .*: /image_raw \(sensor_msgs/msg/Image in json, 1\)'):
+        BagFrames(path)
+
+
 @pytest.mark.parametrize('share', [0.0005, 0.3, 0.95])
 def test_a_bag_of_ros1_that_was_cut_off_is_refused_in_one_line(share: float, tmp_path: Path):
     whole = write_ros1(tmp_path / 'whole.bag', recorded(), None).read_bytes()
