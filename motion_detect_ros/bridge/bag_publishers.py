@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -11,7 +12,10 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from motion_detect_ros.bridge.managed_node import ManagedNode
 from motion_detect_ros.bridge.serialized import IMAGE_TYPES, message_class, quality_of
 from motion_detect_ros.core.errors import MessageError
-from motion_detect_ros.sources.raw import CDR, LOST, RawMessage, TopicInfo, one_line
+from motion_detect_ros.sources.raw import CDR, LOST, RawMessage, TopicInfo, one_line, printable
+
+#: What ROS takes as it is; in other names it replaces ~ and {}, or ends at a character 0.
+_NAME = re.compile(r'/*[A-Za-z_]\w*(/[A-Za-z_]\w*)*', re.ASCII)
 
 
 class BagPublishers:
@@ -30,7 +34,7 @@ class BagPublishers:
             try:
                 self._add(topic)
             except MessageError as error:
-                faults.append(f'topic {topic.name}: {error}')
+                faults.append(printable(f'topic {topic.name}: {error}'))
         if faults:
             node.bad_input(MessageError('; '.join(faults)))
 
@@ -68,9 +72,13 @@ class BagPublishers:
         if topic.name in self._played:
             raise MessageError(f'expected one type, got {self._played[topic.name].msgtype} and {topic.msgtype}; '
                                'the first is played')
+        if not _NAME.fullmatch(topic.name):
+            raise MessageError('expected a name of letters, digits and _, its parts joined by /')
         try:
             self._publishers[topic.name] = self._node.advertise(
                 message_class(topic.msgtype), topic.name.lstrip('/'), quality_of(topic))
-        except InvalidTopicNameException as error:  # MCAP files of other tools
+        except InvalidTopicNameException as error:  # too long
             raise MessageError(str(error).splitlines()[0]) from None
+        except rclpy_implementation.RCLError as error:  # the node has a topic of this name with another type
+            raise MessageError(one_line(error)) from None
         self._played[topic.name] = topic

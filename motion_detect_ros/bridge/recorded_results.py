@@ -8,7 +8,7 @@ from typing import Any
 from motion_detect_ros.bridge import topics
 from motion_detect_ros.bridge.load import LOAD
 from motion_detect_ros.sources.bag_reader import chosen_topics
-from motion_detect_ros.sources.raw import TopicInfo
+from motion_detect_ros.sources.raw import TopicInfo, printable
 
 
 def _type_of(kind: Any) -> str:
@@ -42,4 +42,4 @@ def played_topics(
     left_out = () if results or wanted.strip(' ,') else tuple(filter(is_result, topics_of_bag))
     chosen = chosen_topics(bag, tuple(topic for topic in topics_of_bag if topic not in left_out), wanted)
     played = tuple(topic for topic in chosen if topic.name != topics.CLOCK.name)  # times of recording are the clock
-    return played, ', '.join(sorted({topic.name for topic in left_out}))
+    return played, ', '.join(sorted({printable(topic.name) for topic in left_out}))

@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import Any
 
 from rclpy.qos import QoSProfile
+from rclpy.type_support import check_is_valid_msg_type
 
 from motion_detect_ros.bridge.qos import image_qos, imu_qos, latched_qos, record_qos
 from motion_detect_ros.core.errors import MessageError
@@ -24,8 +25,10 @@ def message_class(name: str) -> Any:
     """The Python class of ``package/msg/Type``. Raises: MessageError where it is not installed."""
     package, _, kind = name.partition('/')
     try:
-        return getattr(import_module(f'{package}.msg'), kind.rpartition('/')[2])
-    except (ImportError, AttributeError, TypeError, ValueError):  # the last two: no name at all, as of JSON channels
+        found = getattr(import_module(f'{package}.msg'), kind.rpartition('/')[2])
+        check_is_valid_msg_type(found)
+        return found
+    except Exception:  # no name at all, no message, a package that does not load
         raise MessageError(f'message type {name}: expected an installed package, found none') from None
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from motion_detect_ros.core.types import NANOSECONDS, DoubleArray
 from motion_detect_ros.sources.bags import BagReader
-from motion_detect_ros.sources.raw import LOST
+from motion_detect_ros.sources.raw import LOST, printable
 
 #: An interval this many times the median one is a gap.
 GAP_FACTOR = 2.5
@@ -86,8 +86,8 @@ def _as_table(report: BagReport) -> str:
     lines = [f'{report.path}: {total} readable messages, {report.duration_s:.3f} s',
              f'damaged: {report.damaged}' if report.damaged else 'intact',
              f'{"topic":32s} {"type":34s} {"messages":>9s} {"rate Hz":>8s} {"gaps":>5s} {"longest s":>9s}']
-    lines += [f'{t.name:32s} {t.msgtype:34s} {_count(t):>9s} {t.rate_hz:8.2f} {t.gaps:5d} {t.longest_gap_s:9.3f}'
-              for t in report.topics]
+    lines += [f'{printable(t.name):32s} {printable(t.msgtype):34s} {_count(t):>9s} {t.rate_hz:8.2f} {t.gaps:5d} '
+              f'{t.longest_gap_s:9.3f}' for t in report.topics]
     return '\n'.join(lines)
 
 

@@ -15,7 +15,7 @@ from motion_detect_ros.sources.encoding import ImageDecoder
 from motion_detect_ros.sources.frames import SourceFrame
 from motion_detect_ros.sources.images import decode_image
 from motion_detect_ros.sources.inertial import GyroSample, rates_of
-from motion_detect_ros.sources.raw import CDR, RawMessage, TopicInfo
+from motion_detect_ros.sources.raw import CDR, RawMessage, TopicInfo, printable
 from motion_detect_ros.sources.timeline import timeline
 from motion_detect_ros.sources.window import WHOLE, Choice, Selection, Window
 
@@ -154,7 +154,7 @@ def _gyro(reader: BagReader, topic: str | None) -> Iterator[GyroSample]:
 
 
 def _choose_topic(path: Path, topics: tuple[TopicInfo, ...], wanted: str | None) -> TopicInfo:
-    listed = ', '.join(f'{topic.name} ({topic.form}, {topic.count})'
+    listed = ', '.join(printable(f'{topic.name} ({topic.form}, {topic.count})')
                        for topic in topics if topic.msgtype in IMAGE_TYPES) or 'none'
     images = [topic for topic in topics if _holds(topic, *IMAGE_TYPES)]
     if not sum(topic.count for topic in topics):

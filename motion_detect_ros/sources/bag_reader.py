@@ -16,7 +16,7 @@ from motion_detect_ros.sources.images import natural_key
 from motion_detect_ros.sources.mcap_file import MAGIC as MCAP_MAGIC
 from motion_detect_ros.sources.mcap_file import McapFile
 from motion_detect_ros.sources.missing_part import MissingPart
-from motion_detect_ros.sources.raw import BagStorage, RawMessage, TopicInfo, merged
+from motion_detect_ros.sources.raw import BagStorage, RawMessage, TopicInfo, merged, printable
 from motion_detect_ros.sources.rosbag1_storage import ROSBAG1_MAGIC, Rosbag1Storage
 from motion_detect_ros.sources.rosbag_storage import SQLITE_MAGIC, RosbagStorage
 
@@ -184,7 +184,7 @@ def chosen_topics(bag: str, topics: tuple[TopicInfo, ...], wanted: str) -> tuple
     missing = names - {topic.name.lstrip('/') for topic in topics}
     if missing:
         listed = ', '.join(f'{topic.name} ({topic.count})' for topic in topics) or 'none'
-        raise SourceError(f'{bag}: no topic {", ".join(sorted(missing))}; topics (messages): {listed}')
+        raise SourceError(f'{bag}: no topic {", ".join(sorted(missing))}; topics (messages): {printable(listed)}')
     chosen = tuple(topic for topic in topics if topic.name.lstrip('/') in names) if names else topics
     if not sum(topic.count for topic in chosen):
         raise SourceError(f'{bag}: expected messages to play, found none in {len(chosen)} topics')

@@ -71,6 +71,11 @@ def merged(topics: Iterable[TopicInfo]) -> tuple[TopicInfo, ...]:
     return tuple(TopicInfo(name, msgtype, count, encoding) for (name, msgtype, encoding), count in counts.items())
 
 
+def printable(text: str) -> str:
+    """A text with names out of a bag as it can be printed and logged: what is no character to see is escaped."""
+    return ''.join(each if each.isprintable() else ascii(each)[1:-1] for each in text)
+
+
 def one_line(error: Exception) -> str:
     """What a library says of a file, in one line."""
     return ' '.join(str(error).split()) or type(error).__name__
