@@ -108,9 +108,10 @@ class LiveGraph:
     def play(
         self, bag: Path, images: int, rate: float = 1.0, topics: Mapping[str, str] | None = None,
     ) -> Playback:
-        """Plays a bag of ``images`` images through the nodes and gives what the planner heard, sorted by stamp.
+        """Plays a bag through the nodes and gives what the planner heard, sorted by stamp.
 
-        topics: what to play, and under which name; None = everything under its own.
+        images: how many of those in the bag the nodes are to answer, which may leave some out; topics: what to play,
+        and under which name; None = everything under its own.
         """
         played = topics or {topic: topic.lstrip('/') for topic in _topics(bag)}
         self.planner.expect(_clock_of_images(bag, played, self._image_topic))
@@ -137,7 +138,7 @@ class LiveGraph:
         return tuple(sorted(self.planner.received, key=lambda message: message.stamp_ns))
 
     def _await_end(self, process: subprocess.Popen[bytes], images: int) -> None:
-        """Until all answers are there, or none has come for a while after the player ended."""
+        """Until all answers are there, or none has come for a while after the last image was published."""
         count, changed = 0, time.monotonic()
         while count < images and time.monotonic() - changed < IDLE_TIMEOUT_S:
             self._check_alive()
@@ -145,7 +146,7 @@ class LiveGraph:
                 raise SourceError(f'bag_player: ended with {process.poll()}: {self.output("bag_player").strip()}')
             self.planner.wait_for(count + 1, POLL_S)
             news = len(self.planner.received)
-            if news > count or (process.poll() is None and self.planner.published < images):
+            if news > count or (process.poll() is None and self.planner.published < self.planner.expected):
                 count, changed = news, time.monotonic()
 
     def _spawn(self, node: str, parameters: list[str]) -> subprocess.Popen[bytes]:

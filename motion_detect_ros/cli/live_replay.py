@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -26,6 +25,7 @@ from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import MessageError, MotionDetectError, SourceError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.settings import settings
+from motion_detect_ros.core.stamp_order import StampOrder
 from motion_detect_ros.results.detection_writer import FrameDetections
 from motion_detect_ros.results.files import BAG_NAME, CSV_NAME, SUMMARY_NAME
 from motion_detect_ros.results.formats import clear
@@ -41,12 +41,13 @@ from motion_detect_ros.sources.raw import LOST, TopicInfo
 class Recorded:
     """An image topic of a bag.
 
-    ``images``: that were recorded; ``readable``: those that can be played; ``frame_of``: stamp, ns -> number of the
-    image in the bag, as one without an answer must not shift those after it; ``damaged``: what is wrong with the bag.
+    ``images``: that were recorded; ``usable``: those that can be played, and whose stamps are in order, else the nodes
+    leave them out; ``frame_of``: stamp, ns -> number of the image in the bag, as one without an answer must not shift
+    those after it; ``damaged``: what is wrong with the bag.
     """
 
     images: int
-    readable: int
+    usable: int
     frame_of: Mapping[int, int]
     damaged: str | None = None
 
@@ -64,8 +65,8 @@ def run_live_job(job: Job, preset: str, rate: float) -> Outcome:
 
 
 def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
-    """Play a bag at ``rate`` times its speed; images that ``load.decimation_keep`` and ``load.decimation_of`` leave out
-    are not asked for an answer. preset: what the settings of the job were read from.
+    """Play a bag at ``rate`` times its speed; images that ``load.decimation_keep`` leaves out, or whose stamps are
+    not in order, are not asked for an answer. preset: what the settings of the job were read from.
 
     Writes the same detections.csv and detections.mcap as the replay in process; summary.json holds counts and
     latencies from image to detections. Raises: SourceError for an input that is no bag, or none with such images, and
@@ -88,7 +89,7 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
     try:
         with LiveGraph(preset, parameters=given, compressed=compressed) as graph:
             try:
-                graph.play(bag.resolve(), wanted_of(job.config, recorded.readable), rate, topics)
+                graph.play(bag.resolve(), wanted_of(job.config, recorded.usable), rate, topics)
             finally:
                 heard = graph.heard
     except KeyboardInterrupt:
@@ -129,7 +130,7 @@ def _write(
 
 
 def wanted_of(config: PipelineConfig, images: int) -> int:
-    """How many of so many images are to be answered."""
+    """How many of so many images, whose stamps nodes take, are to be answered."""
     decimation = FrameDecimation(config.load.decimation_keep, config.load.decimation_of)
     return sum(decimation.keep_next() for _ in range(images))
 
@@ -137,18 +138,26 @@ def wanted_of(config: PipelineConfig, images: int) -> int:
 def read_through(bag: Path, topic: TopicInfo) -> Recorded:
     """What a bag holds of an image topic: damage inside it shows only once it is read.
 
-    Raises: SourceError where not one image can be read.
+    Raises: SourceError where not one image can be read, or none has a stamp that nodes take.
     """
-    readable, frame_of = 0, dict[int, int]()
+    readable, usable, order, frame_of = 0, 0, StampOrder(), dict[int, int]()
     with BagReader(bag) as reader:
         for number, message in enumerate(filter(topic.holds, reader.messages([topic.name]))):
-            readable += message.data != LOST
-            with contextlib.suppress(MessageError):
-                frame_of.setdefault(header_stamp_ns(message.data), number)
-        if not readable:
-            raise SourceError(f'{bag}: expected images on {topic.name}, found none that can be read'
+            if message.data == LOST:
+                continue
+            readable += 1
+            try:
+                stamp_ns = header_stamp_ns(message.data)
+            except MessageError:
+                usable += 1  # nobody can say: it gets no answer, and shall be missed
+                continue
+            usable += order.judge(stamp_ns).usable
+            frame_of.setdefault(stamp_ns, number)
+        if not usable:
+            fault = 'whose stamp can be used' if readable else 'that can be read'
+            raise SourceError(f'{bag}: expected images on {topic.name}, found none {fault}'
                               + (f'; {reader.damaged}' if reader.damaged else ''))
-        return Recorded(topic.count, readable, frame_of, reader.damaged)
+        return Recorded(topic.count, usable, frame_of, reader.damaged)
 
 
 def live_summary(job: Job, input_bytes: int | None, recorded: Recorded, heard: Sequence[Received]) -> LiveSummary:
@@ -158,7 +167,7 @@ def live_summary(job: Job, input_bytes: int | None, recorded: Recorded, heard: S
     return LiveSummary(
         input=job.path, input_bytes=input_bytes, topic=job.topic, rectified=job.rectified,
         version=motion_detect_ros.__version__, damaged=recorded.damaged, frames=recorded.images,
-        source_frames=recorded.images, wanted=wanted_of(job.config, recorded.readable), answered=len(heard),
+        source_frames=recorded.images, wanted=wanted_of(job.config, recorded.usable), answered=len(heard),
         detections=sum(len(records) for records in detections),
         objects=len({int(number) for records in detections for number in records['id']}),
         latency_ms={name: round(value, 3) if math.isfinite(value) else None  # JSON has no NaN

@@ -72,6 +72,12 @@ class Planner:
         with self._changed:
             return sum(clock_ns in self._shown_ns for clock_ns in self._clock_of.values())
 
+    @property
+    def expected(self) -> int:
+        """Images that the player is to publish."""
+        with self._changed:
+            return len(self._clock_of)
+
     def expect(self, clock_of: Mapping[int, int]) -> None:
         """Forget what was received and get ready for other images: stamp -> what ``/clock`` shows before it, ns."""
         with self._changed:

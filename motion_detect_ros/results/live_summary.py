@@ -20,8 +20,8 @@ class LiveSummary:
     """The fields are those of summary.json, those of ``Summary`` where they have the same name.
 
     ``damaged``: what is wrong with the bag; ``frames``: images of the bag; ``wanted``: those of them that were to be
-    answered, None for all; ``answered``: those that were; ``latency_ms``: from image to detections, None without
-    answers.
+    answered, without those that decimation leaves out or whose stamps are not in order, None for all; ``answered``:
+    those that were; ``latency_ms``: from image to detections, None without answers.
     """
 
     input: str

@@ -23,9 +23,9 @@ from test_nodes import PERIOD_NS, broken_image, peer_here, scene, write_scene
 from motion_detect_ros.__main__ import main
 from motion_detect_ros.bridge import topics
 from motion_detect_ros.cli.domains import own_domain
-from motion_detect_ros.core.types import DETECTION_DTYPE, CameraModel
+from motion_detect_ros.core.types import DETECTION_DTYPE, NANOSECONDS, CameraModel
 from motion_detect_ros.sources.bags import BagReader, BagWriter
-from motion_detect_ros.sources.messages import COMPRESSED_IMAGE, IMAGE, header, make, serialize
+from motion_detect_ros.sources.messages import COMPRESSED_IMAGE, IMAGE, header, image, make, serialize
 
 FRAMES = 25
 BROKEN = 15
@@ -48,13 +48,19 @@ def png(index: int, stamp_ns: int) -> bytes:
     return serialize(make(COMPRESSED_IMAGE, header=header(stamp_ns, 'camera'), format='png', data=data.ravel()))
 
 
+def config(folder: Path, **further: int) -> list[str]:
+    """Settings under which every image is answered, however late, and further ones of ``load``."""
+    settings = {key: int(value) for key, value in (setting.split(':=') for setting in PATIENT)}
+    settings.update({f'load.{name}': value for name, value in further.items()})
+    path = folder / 'patient'  # any name will do, as offline
+    path.write_text(yaml.safe_dump({'/**': {'ros__parameters': settings}}))
+    return ['--config', str(path)]
+
+
 @pytest.fixture
 def patient(tmp_path: Path) -> list[str]:
     """Settings under which every image is answered, however late."""
-    settings = dict(setting.split(':=') for setting in PATIENT)
-    path = tmp_path / 'patient'  # any name will do, as offline
-    path.write_text(yaml.safe_dump({'/**': {'ros__parameters': {key: int(value) for key, value in settings.items()}}}))
-    return ['--config', str(path)]
+    return config(tmp_path)
 
 
 @pytest.fixture
@@ -86,6 +92,39 @@ def test_one_of_two_cameras_with_a_broken_image(
     assert live == offline
     assert {int(row['frame']) for row in live} >= set(range(BROKEN + 1, FRAMES))
     assert all(int(row['stamp_ns']) == (int(row['frame']) + 1) * PERIOD_NS for row in live)
+
+
+def test_a_pause_is_waited_out_where_images_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """By its middle as many images were published as are to be answered in all; it is longer than the player gets to
+    end after that.
+    """
+    idle_s, pause_s = 5.0, 20
+    monkeypatch.setattr('motion_detect_ros.cli.live.IDLE_TIMEOUT_S', idle_s)
+    with BagWriter(tmp_path / 'a.mcap') as bag:
+        for index in range(9):
+            bag.write_image(scene(index), (index + 1) * PERIOD_NS + (index > 4) * pause_s * NANOSECONDS)
+    given = config(tmp_path, decimation_keep=1, decimation_of=3)
+    assert main(['replay', str(tmp_path / 'a.mcap'), *given, '--live', '-o', str(tmp_path / 'live')]) == 0
+    summary = json.loads((tmp_path / 'live' / 'summary.json').read_text())
+    assert (summary['frames'], summary['wanted'], summary['answered']) == (9, 3, 3)
+
+
+@pytest.mark.parametrize(('of', 'answers'), [(1, 9), (3, 3)])
+def test_images_whose_stamps_are_not_in_order_are_not_waited_for(
+    of: int, answers: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+):
+    """Every fourth image has the stamp of the one before; nodes and the replay in process leave it out."""
+    monkeypatch.setattr('motion_detect_ros.cli.live.IDLE_TIMEOUT_S', 6.0)
+    with BagWriter(tmp_path / 'a.mcap') as bag:
+        for index in range(12):
+            stamp_ns = (index + (index % 4 < 3)) * PERIOD_NS
+            bag.write('/image_raw', image(scene(index), stamp_ns, 'camera'), (index + 1) * PERIOD_NS)
+    words = ['replay', str(tmp_path / 'a.mcap'), *config(tmp_path, decimation_of=of), '--no-report', '-o']
+    for run, option in (('live', ['--live']), ('offline', [])):
+        assert main([*words, str(tmp_path / run), *option]) == 0
+    live, offline = (json.loads((tmp_path / run / 'summary.json').read_text()) for run in ('live', 'offline'))
+    assert (live['frames'], live['wanted'], live['answered']) == (12, answers, answers)
+    assert (offline['frames'], offline['misstamped_frames']) == (answers, 3)
 
 
 def test_compressed_rectified_images(patient: list[str], tmp_path: Path):
