@@ -30,6 +30,7 @@ from motion_detect_ros.benchmarks.bench_transport import pictures
 from motion_detect_ros.benchmarks.command import reports_errors
 from motion_detect_ros.benchmarks.feeder import Feeder
 from motion_detect_ros.benchmarks.jpeg_stream import JpegStream
+from motion_detect_ros.bridge.arguments import text_parameter
 from motion_detect_ros.bridge.transport import environment
 from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.errors import SourceError
@@ -104,17 +105,19 @@ class Ends:
         """Every state."""
         small = 'preprocessing.max_width_px:=160'
         hole = f'http://127.0.0.1:{self._hole.getsockname()[1]}/live.mjpg'
+        flowing, frozen, lost, hole = (text_parameter('source', address) for address in (
+            self._flowing.address, self._frozen.address, self._lost.address, hole))
         return [
             Case('pipeline starts', 'pipeline', (small,), waits=False),
             Case('pipeline at work', 'pipeline', (small,)),
             Case('pipeline on a clock that stands', 'pipeline', (small, 'use_sim_time:=true')),
             Case('art2_clustering without flow', 'art2_clustering', (small,)),
             Case('overlay unconfigured', 'overlay', ('autostart:=false',)),
-            Case('camera starts', 'camera', (f'source:={self._flowing.address}',), waits=False),
-            Case('camera on a stream', 'camera', (f'source:={self._flowing.address}',)),
-            Case('camera on a frozen stream', 'camera', (f'source:={self._frozen.address}',), self._frozen.freeze),
-            Case('camera on a refused stream', 'camera', (f'source:={self._lost.address}',), self._lost.refuse),
-            Case('camera on a black hole', 'camera', (f'source:={hole}',)),
+            Case('camera starts', 'camera', (flowing,), waits=False),
+            Case('camera on a stream', 'camera', (flowing,)),
+            Case('camera on a frozen stream', 'camera', (frozen,), self._frozen.freeze),
+            Case('camera on a refused stream', 'camera', (lost,), self._lost.refuse),
+            Case('camera on a black hole', 'camera', (hole,)),
         ]
 
     def run(self, times: int) -> Iterator[End]:

@@ -23,6 +23,7 @@ from motion_detect_ros.benchmarks.node_interface import (
     NodeInterface,
 )
 from motion_detect_ros.benchmarks.security_policy import policy
+from motion_detect_ros.bridge.arguments import text_parameter
 from motion_detect_ros.bridge.topics import FLOW_COLORS, MARKERS, OVERLAY
 from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.types import NANOSECONDS
@@ -54,7 +55,7 @@ def read_nodes(domain_id: int) -> dict[str, NodeInterface]:
         with BagWriter(bag) as writer:
             for index in range(IMAGES):
                 writer.write_image(np.zeros((64, 64, 3), np.uint8), NANOSECONDS + index * PAUSE_NS)
-        given = {'camera': (f'source:={bag}',), 'bag_player': (f'bag:={bag}',),
+        given = {'camera': (text_parameter('source', str(bag)),), 'bag_player': (text_parameter('bag', str(bag)),),
                  'ego_motion': ('imu.use:=true',), 'pipeline': ('imu.use:=true',)}
         defaults = _defaults(domain_id, [node for node in given if node != 'bag_player'])
         processes = [stack.enter_context(NodeProcesses(

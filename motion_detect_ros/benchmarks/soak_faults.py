@@ -24,6 +24,7 @@ from motion_detect_ros.benchmarks.bench_transport import GRAPHS, await_nodes, cl
 from motion_detect_ros.benchmarks.feeder import Answer, Feeder
 from motion_detect_ros.benchmarks.jpeg_stream import JpegStream
 from motion_detect_ros.benchmarks.soak_verdict import LEAST_MINUTES, Fault, ProcessSample, Verdict, judge, settled_s
+from motion_detect_ros.bridge.arguments import text_parameter
 from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.errors import ConfigError, SourceError
 from motion_detect_ros.core.types import ByteArray
@@ -65,7 +66,7 @@ class Graph:
         self.stream = JpegStream(images, rate_hz) if name != 'pipeline' else None
         self.camera: NodeProcesses | None = None
         if self.stream:
-            source = f'source:={self.stream.address}'
+            source = text_parameter('source', self.stream.address)
             self.camera = NodeProcesses((CAMERA,), domain, (source,), namespace='stream')
 
     def __enter__(self) -> Graph:

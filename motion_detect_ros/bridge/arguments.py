@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 from collections.abc import Sequence
@@ -42,6 +43,14 @@ def check_arguments(words: Sequence[str]) -> None:
     if any(RULE not in word for word in given) or _left_over(parsed):  # a bare rule is taken by ROS, with a warning
         raise ConfigError(f'{_name(words)}: expected {BEGIN} before all arguments, got {shlex.join(given)}; '
                           '--help shows how')
+
+
+def text_parameter(name: str, text: str) -> str:
+    """What to give behind ``-p``, so that the value is this text: ROS reads it as YAML, to which a path may be a number,
+    end at a ``#``, or be no text at all.
+    """
+    quoted = json.dumps(text, ensure_ascii=False)
+    return f'{name}{RULE}' + ''.join(each if each.isprintable() else f'\\U{ord(each):08x}' for each in quoted)
 
 
 def _name(words: Sequence[str]) -> str:

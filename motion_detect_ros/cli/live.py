@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from motion_detect_ros.bridge.arguments import text_parameter
 from motion_detect_ros.bridge.qos import CLOCK_DEPTH
 from motion_detect_ros.bridge.serialized import header_stamp_ns
 from motion_detect_ros.bridge.transport import environment
@@ -115,10 +116,11 @@ class LiveGraph:
         """
         played = topics or {topic: topic.lstrip('/') for topic in _topics(bag)}
         self.planner.expect(_clock_of_images(bag, played, self._image_topic))
-        player = ['-p', f'bag:={bag}', '-p', f'rate:={float(rate)}', '-p', f'wait_for_subscribers:={len(self._nodes)}']
+        player = ['-p', text_parameter('bag', str(bag)), '-p', f'rate:={float(rate)}',
+                  '-p', f'wait_for_subscribers:={len(self._nodes)}']
         player += self._further
         if topics:
-            player += ['-p', f'topics:={",".join(topics)}']
+            player += ['-p', text_parameter('topics', ','.join(topics))]
         for recorded, name in (topics or {}).items():
             player += ['-r', f'{recorded.lstrip("/")}:={name}']
         start = time.monotonic()

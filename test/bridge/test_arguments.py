@@ -11,7 +11,10 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from motion_detect_ros.bridge.arguments import check_arguments
+import rclpy
+from rclpy.context import Context
+
+from motion_detect_ros.bridge.arguments import check_arguments, text_parameter
 from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.errors import ConfigError
 
@@ -146,3 +149,21 @@ def test_a_file_behind_another_flag_is_looked_at_too(tmp_path: Path):
     missing = tmp_path / 'mine.yaml'
     with pytest.raises(ConfigError, match=rf'expected a file, got {missing}, which is none'):
         check_arguments(['overlay', '--ros-args', '-p', 'a:=1', '--params-file', str(missing)])
+
+
+@pytest.mark.parametrize('text', [
+    'flight.mcap', 'flight #2.mcap', 'a: b.mcap', '123', '1e3', '0x1F', 'true', 'null', '~', '~/a.mcap', '', ' a ',
+    '-', '[a]', '{a: b}', '&a', '*a', '!a', '%a', '@a', '`a`', "it's", 'say "a"', r'C:\new\x41', 'a\tb\nc',
+    'a\x7f\x85\u2028b', 'Überflug é', '飛行 🚁.mcap', '[1, 2', '2024-05-01', 'a:=b', 'bag:=a', '|', '> a', '---', 'a,b', '\ufeffa',
+])
+def test_a_text_comes_through_as_it_is(text: str):
+    """By rcl, which reads the value as YAML."""
+    context = Context()
+    rclpy.init(context=context, domain_id=own_domain())
+    node = rclpy.create_node('reader', context=context, use_global_arguments=False,
+                             cli_args=['--ros-args', '-p', text_parameter('bag', text)])
+    try:
+        assert node.declare_parameter('bag', 'default').value == text
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)

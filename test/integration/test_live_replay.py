@@ -129,12 +129,12 @@ def test_images_whose_stamps_are_not_in_order_are_not_waited_for(
 
 def test_compressed_rectified_images(patient: list[str], tmp_path: Path):
     projection = np.array([[250.0, 0.0, 150.0, 0.0], [0.0, 200.0, 110.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
-    with BagWriter(tmp_path / 'png.mcap') as bag:
+    with BagWriter(tmp_path / 'flight: #2.mcap') as bag:  # ROS reads parameters as YAML
         for index in range(FRAMES):
             stamp_ns = (index + 1) * PERIOD_NS
             bag.write_camera_info(CAMERA, stamp_ns, projection=projection)
             bag.write_raw('/image_raw/compressed', COMPRESSED_IMAGE, png(index, stamp_ns), stamp_ns)
-    words = ['replay', str(tmp_path / 'png.mcap'), *patient, '--rectified', '-o']
+    words = ['replay', str(tmp_path / 'flight: #2.mcap'), *patient, '--rectified', '-o']
     (tmp_path / 'live').mkdir()
     (tmp_path / 'live' / 'report.html').write_text('of an earlier replay')
     assert main([*words, str(tmp_path / 'live'), '--live']) == 0
