@@ -46,8 +46,8 @@ def check_arguments(words: Sequence[str]) -> None:
 
 
 def text_parameter(name: str, text: str) -> str:
-    """What to give behind ``-p``, so that the value is this text: ROS reads it as YAML, to which a path may be a number,
-    end at a ``#``, or be no text at all.
+    """What to give behind ``-p``, so that the value is this text: ROS reads it as YAML, to which a path may be a
+    number, end at a ``#``, or be no text at all.
     """
     quoted = json.dumps(text, ensure_ascii=False)
     return f'{name}{RULE}' + ''.join(each if each.isprintable() else f'\\U{ord(each):08x}' for each in quoted)

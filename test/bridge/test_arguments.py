@@ -154,7 +154,8 @@ def test_a_file_behind_another_flag_is_looked_at_too(tmp_path: Path):
 @pytest.mark.parametrize('text', [
     'flight.mcap', 'flight #2.mcap', 'a: b.mcap', '123', '1e3', '0x1F', 'true', 'null', '~', '~/a.mcap', '', ' a ',
     '-', '[a]', '{a: b}', '&a', '*a', '!a', '%a', '@a', '`a`', "it's", 'say "a"', r'C:\new\x41', 'a\tb\nc',
-    'a\x7f\x85\u2028b', 'Überflug é', '飛行 🚁.mcap', '[1, 2', '2024-05-01', 'a:=b', 'bag:=a', '|', '> a', '---', 'a,b', '\ufeffa',
+    'a\x7f\x85\u2028b', 'Überflug é', '飛行 🚁.mcap', '[1, 2', '2024-05-01', 'a:=b', 'bag:=a', '|', '> a', '---', 'a,b',
+    '\ufeffa',
 ])
 def test_a_text_comes_through_as_it_is(text: str):
     """By rcl, which reads the value as YAML."""
