@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections import deque
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,13 @@ from motion_detect_ros.cli.progress import track
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import CameraModel, RecordArray
 from motion_detect_ros.sources import messages
-from motion_detect_ros.sources.bags import BagWriter
+from motion_detect_ros.sources.bags import BagWriter, is_bag
 from motion_detect_ros.sources.frames import DEFAULT_FPS, FrameSource, SourceFrame
 from motion_detect_ros.sources.images import ImageSequence, image_folder
 from motion_detect_ros.sources.kitti import KittiDrive, OxtsSample
 from motion_detect_ros.sources.numbered_pictures import truth_of_input
 from motion_detect_ros.sources.opening import check_name, check_rate
+from motion_detect_ros.sources.part_file import PART_SUFFIX, part_of
 from motion_detect_ros.sources.truth import write_truth
 from motion_detect_ros.sources.video import VideoFile
 from motion_detect_ros.sources.visdrone import visdrone_sequence
@@ -33,6 +35,8 @@ _STATUS_FIX = 0               # sensor_msgs/NavSatStatus.STATUS_FIX
 _SERVICE_GPS = 1              # sensor_msgs/NavSatStatus.SERVICE_GPS
 _COVARIANCE_APPROXIMATED = 1  # sensor_msgs/NavSatFix.COVARIANCE_TYPE_APPROXIMATED
 
+#: Of the truth beside a bag.
+TRUTH_SUFFIX = '.truth.csv'
 _FORMATS = {'.jpg': 'jpeg', '.jpeg': 'jpeg', '.png': 'png'}
 
 
@@ -61,6 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_rate('--fps', fps)
     annotations = getattr(arguments, 'annotations', None)
     written = [arguments.output, truth_path(arguments.output)] if annotations else [arguments.output]
+    _check_outputs(written, [arguments.input, *filter(None, (annotations,))])
     refuse_existing(written, arguments.force)
     if not annotations and arguments.output.exists() and (stale := truth_path(arguments.output)).exists():
         hint = ', or give --annotations' if hasattr(arguments, 'annotations') else ''
@@ -107,9 +112,24 @@ def convert(source: FrameSource, output: Path, compressed: bool = False, truth: 
     return len(written)
 
 
+def _check_outputs(written: Sequence[Path], inputs: Sequence[Path]) -> None:
+    """Raises: SourceError where what is to be written would replace an input, a file in one, or a folder."""
+    if written[0].is_dir():
+        raise SourceError(f'{written[0]}: expected an MCAP file to write, got a folder')
+    for file in (each for path in written for each in (path, part_of(path)) if each.exists()):
+        if any(given.exists() and (file.samefile(given) or _is_part_of(given, file)) for given in inputs):
+            raise SourceError(f'{file}: expected an output that replaces no input; choose another --output')
+
+
+def _is_part_of(folder: Path, file: Path) -> bool:
+    """Whether a file belongs to a data set; bags, and their truth, may lie beside its pictures."""
+    inside = folder.resolve() in file.resolve().parents
+    return inside and not is_bag(file) and not file.name.endswith((TRUTH_SUFFIX, PART_SUFFIX))
+
+
 def truth_path(output: Path) -> Path:
     """Where the truth of a converted bag goes."""
-    return output.with_suffix('.truth.csv')
+    return output.with_suffix(TRUTH_SUFFIX)
 
 
 def _renumbered(truth: RecordArray, frames: list[int]) -> RecordArray:

@@ -22,7 +22,7 @@ APART_SHARE = 1 / 15
 def write_worst(clip: ClipEvaluation, counting: str, iou: float, wanted: int, folder: Path) -> Iterator[Path]:
     """Write ``<clip>_<frame>.png`` for the ``wanted`` frames with most errors of a clip's only run; yields each path.
 
-    Raises: SourceError where the input is not there any more, or the pictures cannot be written.
+    Raises: SourceError where the input is not there any more, the pictures cannot be written, or would be among it.
     """
     (run, file), = clip.files.items()
     verdicts = {frame: clip.verdict(run, counting, iou, frame) for frame in clip.frames}
@@ -32,6 +32,10 @@ def write_worst(clip: ClipEvaluation, counting: str, iou: float, wanted: int, fo
         return
     summary = read_any_summary(file.parent)
     fps = None if isinstance(summary, LiveSummary) else summary.fps
+    source = Path(summary.input).resolve()
+    if source.is_dir() and source in (folder.resolve(), *folder.resolve().parents):
+        raise SourceError(f'{folder}: expected another folder for the pictures than the input itself; choose another '
+                          '--output')
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -37,6 +37,7 @@ from motion_detect_ros.tuning.tuner import Tuner, Verdict
 
 OK, NO_GAIN = 0, 1
 TRIALS, FRAMES = 40, 600
+REPORT, FACTS, CANDIDATE, PRESET = OUTPUT_NAMES = 'tune.md', 'tune.json', 'candidate.yaml', 'preset.yaml'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -75,6 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise ConfigError(f'{arguments.preset}: imu.use: expected false, as tune uses the pictures only, got true')
     recordings = _recordings(arguments, of_nodes.get('rectified') is True)
     use(start.load.threads)
+    _check_outputs(arguments)
     _make_folder(arguments.output)
     if arguments.force:
         (arguments.output / STORAGE_NAME).unlink(missing_ok=True)
@@ -93,7 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
     if tuner.caution:
         print(f'caution: {tuner.caution}')
     print(f'recommended: {"the tuned settings" if verdict.shown else "the start, unchanged"}, '
-          f'{arguments.output / "preset.yaml"}')
+          f'{arguments.output / PRESET}')
     return OK if verdict.shown else NO_GAIN
 
 
@@ -106,6 +108,16 @@ def _check(arguments: argparse.Namespace) -> None:
             raise SourceError(f'--{name}: expected {least} or more, got {getattr(arguments, name)}')
     if arguments.time is not None and not arguments.time > 0:
         raise SourceError(f'--time: expected a number over 0, got {arguments.time:g}')
+
+
+def _check_outputs(arguments: argparse.Namespace) -> None:
+    """Raises: SourceError where the start, or a file that tune has not written, would be replaced."""
+    start, folder = Path(arguments.preset), arguments.output
+    for file in filter(Path.exists, map(folder.joinpath, OUTPUT_NAMES)):
+        if start.exists() and file.samefile(start):
+            raise SourceError(f'{file}: expected a start that no output replaces; choose another --output')
+        if not arguments.force and not (folder / STORAGE_NAME).exists():
+            raise SourceError(f'{file}: exists and is not of an earlier search; --force overwrites it')
 
 
 def _recordings(arguments: argparse.Namespace, rectified: bool) -> list[Recording]:
@@ -178,9 +190,9 @@ def _write(
         'inputs': ', '.join(arguments.inputs), 'start': str(arguments.preset), 'seed': str(arguments.seed),
         'held out': tuner.held_out, 'interval': tuner.meaning, **({'caution': tuner.caution} if tuner.caution else {})}
     known, folder = tuner.start_values(), arguments.output
-    write_whole(folder / 'tune.md', as_markdown(verdict, known, trials, facts))
-    write_whole(folder / 'tune.json', json.dumps(as_json(verdict, known, trials, facts), indent=2) + '\n')
-    write_preset(folder / 'candidate.yaml', verdict.candidate, [
+    write_whole(folder / REPORT, as_markdown(verdict, known, trials, facts))
+    write_whole(folder / FACTS, json.dumps(as_json(verdict, known, trials, facts), indent=2) + '\n')
+    write_preset(folder / CANDIDATE, verdict.candidate, [
         f'Best of {len(trials)} trials from preset {arguments.preset}: {headline(verdict)}.'], of_nodes)
-    write_preset(folder / 'preset.yaml', verdict.candidate if verdict.shown else start, [
+    write_preset(folder / PRESET, verdict.candidate if verdict.shown else start, [
         f'{"Tuned" if verdict.shown else "Unchanged"} from preset {arguments.preset}: {headline(verdict)}.'], of_nodes)

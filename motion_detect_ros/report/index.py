@@ -12,6 +12,7 @@ from urllib.parse import quote
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import NANOSECONDS
 from motion_detect_ros.report.embedding import check_libraries, render
+from motion_detect_ros.report.own_pages import check_replaceable
 from motion_detect_ros.report.replayed import read_replayed
 from motion_detect_ros.results.files import REPORT_NAME, SUMMARY_NAME, write_whole
 from motion_detect_ros.results.summary import Summary, read_summary
@@ -40,10 +41,12 @@ class Entry:
 def make_index(folder: Path, output: Path | None = None) -> Path:
     """Write index.html over all replays in ``folder`` and below; returns where it is.
 
-    Raises: SourceError where there is no replay, BackendError where a library is missing, OSError.
+    Raises: SourceError where there is no replay, or another file than an earlier index would be replaced; BackendError
+    where a library is missing; OSError.
     """
     check_libraries(['jinja2'])
     path = output or folder / INDEX_NAME
+    check_replaceable(path)
     entries = sorted(_entries(folder, path.parent), key=lambda entry: entry.name)
     if not entries:
         raise SourceError(f'{folder}: expected folders of replays, found no {SUMMARY_NAME} in or below it')

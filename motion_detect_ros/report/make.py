@@ -10,6 +10,7 @@ from pathlib import Path
 
 from motion_detect_ros.core.errors import BackendError, MotionDetectError, SourceError
 from motion_detect_ros.report.embedding import check_libraries, packed_plotly
+from motion_detect_ros.report.own_pages import check_replaceable
 from motion_detect_ros.results.files import REPORT_NAME, write_whole
 
 
@@ -19,10 +20,12 @@ def make_report(
     """Write report.html of the replay in ``folder``, whole or not at all; returns where it is.
 
     truth: ground truth to compare with, as ``evaluate`` reads it. output: another file. source: where the input is now,
-    when it was moved. Raises: BackendError where a library is missing, SourceError for an unreadable folder or truth,
-    OSError where the file cannot be written.
+    when it was moved. Raises: BackendError where a library is missing, SourceError for an unreadable folder or truth
+    and where another file than an earlier report would be replaced, OSError where the file cannot be written.
     """
     check_libraries()
+    path = output or folder / REPORT_NAME
+    check_replaceable(path)
     from motion_detect_ros.report.judged import judge
     from motion_detect_ros.report.objects import listed, tracked_objects
     from motion_detect_ros.report.page import Parts, cutouts, page
@@ -39,7 +42,6 @@ def make_report(
         pictures = take_pictures(replayed, plan, cutouts(objects, replayed, judged), source)
     replayed = replace(replayed, summary=replace(
         replayed.summary, image_size=pictures.image_size or replayed.summary.image_size))
-    path = output or folder / REPORT_NAME
     write_whole(path, page(Parts(replayed, everything, objects, plan, pictures, judged)))
     return path
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
@@ -205,3 +205,48 @@ def test_the_truth_of_an_earlier_bag_does_not_stay_beside_the_next_one(
         assert capsys.readouterr().err == (
             f'error: {truth}: expected no truth, as that of the earlier {out} would stay; move it away{hint}\n')
     assert (out.read_bytes(), truth.read_bytes()) == (bag, boxes)
+
+
+@pytest.mark.parametrize('link', [None, Path.hardlink_to, Path.symlink_to], ids=['itself', 'hard link', 'link'])
+def test_an_input_is_not_overwritten(
+    link: Callable[[Path, Path], None] | None, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    video = tmp_path / 'flight.avi'
+    writer = cv2.VideoWriter(str(video), cv2.VideoWriter.fourcc(*'MJPG'), 10.0, (64, 48))
+    for index in range(3):
+        writer.write(np.full((48, 64, 3), 50 * index, np.uint8))
+    writer.release()
+    before, output = video.read_bytes(), video
+    if link:
+        output = tmp_path / 'other.mcap'
+        link(output, video)
+    assert main(['convert', 'video', str(video), '-o', str(output), '--force']) == 2
+    assert capsys.readouterr().err == (
+        f'error: {output}: expected an output that replaces no input; choose another --output\n')
+    assert video.read_bytes() == before
+    assert {path.name for path in tmp_path.iterdir()} == {video.name, output.name}
+
+
+def test_a_picture_of_the_input_and_the_truth_given_are_not_overwritten(
+    sequence: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    picture, annotations = sequence / '0000003.jpg', tmp_path / 'out.truth.csv'
+    annotations.write_text('frame,id,x,y,w,h,moving\n0,1,10,5,8,8,1\n')
+    before = {path: path.read_bytes() for path in (*sequence.iterdir(), annotations)}
+    for output, replaced, further in (
+            (picture, picture, []), (tmp_path / 'out.mcap', annotations, ['--annotations', str(annotations)]),
+            (annotations, annotations, ['--annotations', str(annotations)])):
+        assert main(['convert', 'visdrone', str(sequence), '-o', str(output), *further, '--force']) == 2
+        assert capsys.readouterr().err == (
+            f'error: {replaced}: expected an output that replaces no input; choose another --output\n')
+    assert {path: path.read_bytes() for path in (*sequence.iterdir(), annotations)} == before
+    bag = sequence / 'a.mcap'
+    for force in ([], ['--force']):
+        assert main(['convert', 'visdrone', str(sequence), '-o', str(bag), *force]) == 0, 'beside the pictures'
+
+
+def test_a_folder_is_no_output(sequence: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / 'out').mkdir()
+    assert main(['convert', 'visdrone', str(sequence), '-o', str(tmp_path / 'out'), '--force']) == 2
+    assert capsys.readouterr().err == f'error: {tmp_path}/out: expected an MCAP file to write, got a folder\n'
+    assert not (tmp_path / 'out.part').exists()

@@ -270,6 +270,13 @@ def test_worst_frames_are_read_again_from_the_input(
     assert tuple(inside[20, 215]) == FALSE_BGR
     assert tuple(inside[20, 115]) == MISSED_BGR
 
+    for folder in (tmp_path / 'flight', tmp_path / 'flight' / 'worst'):
+        assert main(['evaluate', str(tmp_path / 'out'), '--truth', str(truth), '--skip', '2', '--worst', '3', '-o',
+                     str(folder)]) == 2
+        assert capsys.readouterr().err == (f'error: {folder}: expected another folder for the pictures than the input '
+                                           'itself; choose another --output\n')
+    assert len([*(tmp_path / 'flight').iterdir()]) == 12
+
 
 def test_labels_of_an_excerpt_go_by_the_names_of_its_pictures(
     tmp_path: Path, capsys: pytest.CaptureFixture[str],

@@ -130,6 +130,22 @@ def test_inputs_are_those_that_replay_takes(flight: Path, tmp_path: Path, capsys
     assert 'expected another folder for the outputs than the input itself' in capsys.readouterr().err
 
 
+def test_settings_of_the_user_are_not_overwritten(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    mine = tmp_path / 'preset.yaml'
+    mine.write_text(BAD)
+    assert tune(flight, tmp_path, '--trials', '1') == 2
+    assert capsys.readouterr().err == f'error: {mine}: exists and is not of an earlier search; --force overwrites it\n'
+    for force in ([], ['--force']):
+        assert tune(flight, tmp_path, '--trials', '1', '--preset', str(mine), *force) == 2
+        assert capsys.readouterr().err == (
+            f'error: {mine}: expected a start that no output replaces; choose another --output\n')
+    assert mine.read_text() == BAD
+    assert [*tmp_path.iterdir()] == [mine]
+    assert tune(flight, tmp_path, '--trials', '1', '--force') in (0, 1)
+
+
 def test_threads_are_those_of_the_preset(flight: Path, tmp_path: Path) -> None:
     (tmp_path / 'one.yaml').write_text('/**: {ros__parameters: {load: {threads: 1}}}')
     with limited(2):

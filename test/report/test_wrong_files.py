@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from results_by_hand import write_results
 
+from motion_detect_ros.__main__ import main
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.report.replayed import read_replayed
 
@@ -55,3 +56,30 @@ def test_a_byte_order_mark_is_nothing_wrong(results: Path) -> None:
     read = read_replayed(results)
     assert read.boxes['x'].tolist() == whole.boxes['x'].tolist()
     assert (len(read.frames), len(read.times)) == (len(whole.frames), len(whole.times))
+
+
+@pytest.mark.parametrize('words', [[], ['index']], ids=['report', 'index'])
+def test_a_report_replaces_reports_only(
+    results: Path, tmp_path: Path, words: list[str], capsys: pytest.CaptureFixture[str],
+):
+    pytest.importorskip('plotly', reason="pip install 'motion_detect_ros[report]'")
+    mine = tmp_path / 'mine.html'
+    mine.write_text('<!DOCTYPE html><html><head><title>Flights: moving objects</title></head></html>')
+    for file in (mine, results / 'summary.json', results / 'detections.csv'):
+        before = file.read_bytes()
+        assert main(['report', *words, str(results), '-o', str(file)]) == 2
+        assert capsys.readouterr().err == f'error: {file}: exists and is no earlier report; choose another --output\n'
+        assert file.read_bytes() == before
+    assert main(['report', *words, str(results), '-o', str(tmp_path)]) == 2
+    assert capsys.readouterr().err == f'error: {tmp_path}: expected a file to write, got a folder\n'
+    for _ in range(2):
+        assert main(['report', *words, str(results), '-o', str(tmp_path / 'page.html')]) == 0
+
+
+def test_a_page_of_ones_own_is_not_replaced_by_default(results: Path, capsys: pytest.CaptureFixture[str]):
+    pytest.importorskip('plotly', reason="pip install 'motion_detect_ros[report]'")
+    for name, words in (('report.html', []), ('index.html', ['index'])):
+        (results / name).write_text('<title>mine</title>')
+        assert main(['report', *words, str(results)]) == 2
+        assert capsys.readouterr().err.startswith(f'error: {results / name}: exists and is no earlier report')
+        assert (results / name).read_text() == '<title>mine</title>'
