@@ -68,6 +68,29 @@ def test_launch_arguments_and_their_defaults(name: str):
         assert not default or f'`{default}`' in row[1], argument
 
 
+def words_given(line: str) -> Iterator[tuple[str, str]]:
+    """``-p``, ``-r`` or nothing, and the name, of each ``name:=value`` in a line of a page."""
+    return ((flag.strip(), name) for flag, name in re.findall(r'(-[pr] |)(?<![\w./])([A-Za-z][\w./]*):=', line))
+
+
+@pytest.mark.parametrize('page', ['README.md', *(f'docs/{path.name}' for path in sorted((ROOT / 'docs').glob('*.md')))])
+def test_what_is_given_on_command_lines_exists(page: str):
+    """Behind ``-p`` parameters of the nodes or examples, else launch arguments, in a launch those of its file."""
+    detector, camera = set(launch_arguments('motion_detect.launch.py')), {'source', 'frame_id'}
+    known = {'motion_detect.launch.py': detector,
+             'replay.launch.py': {*launch_arguments('replay.launch.py'),
+                                  *detector} - camera - {'camera', 'use_sim_time'},
+             'cameras.launch.py': {*launch_arguments('cameras.launch.py'), *detector} - camera}
+    examples = ''.join(path.read_text(encoding='utf-8') for path in (ROOT / 'examples').glob('*.py'))
+    for line in (ROOT / page).read_text(encoding='utf-8').splitlines():
+        launched = re.search(r'ros2 launch motion_detect_ros (\S+)', line)
+        for flag, name in words_given(line):
+            if flag == '-p' and 'usb_cam_node_exe' not in line:
+                assert name in NODE_PARAMETERS or f"'{name}'" in examples, line
+            elif not flag and name not in {'logger', 'NAME', 'FROM'}:
+                assert name in (known[launched[1]] if launched else set().union(*known.values())), line
+
+
 def test_documents_linked_from_the_pages_exist():
     for page in (ROOT / 'README.md', *(ROOT / 'docs').glob('*.md')):
         for target in re.findall(r'\]\(([^)#]+)', page.read_text(encoding='utf-8')):
