@@ -11,6 +11,7 @@ import tempfile
 from pathlib import Path
 
 from motion_detect_ros.bridge.transport import environment
+from motion_detect_ros.cli.domains import lock_of
 from motion_detect_ros.core.errors import SourceError
 
 STOP_TIMEOUT_S = 10.0
@@ -30,6 +31,7 @@ class NodeProcesses:
         self._nodes, self._arguments = nodes, ['-r', f'__ns:=/{namespace}']
         for parameter in parameters:
             self._arguments += ['--params-file' if parameter.endswith('.yaml') else '-p', parameter]
+        self._lock = lock_of(domain_id)
         self._log = Path(tempfile.mkdtemp(prefix='motion_detect_'))
         self._environment = {
             **environment(), 'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
@@ -44,7 +46,8 @@ class NodeProcesses:
     def _start(self, node: str) -> None:
         command = [sys.executable, '-m', f'motion_detect_ros.nodes.{node}', '--ros-args', *self._arguments]
         with (self._log / f'{node}.txt').open('wb') as log:
-            self._running[node] = subprocess.Popen(command, env=self._environment, stdout=log, stderr=subprocess.STDOUT)
+            self._running[node] = subprocess.Popen(command, env=self._environment, stdout=log, stderr=subprocess.STDOUT,
+                                                   pass_fds=self._lock)
 
     def __exit__(self, *_: object) -> None:
         for process in self._running.values():

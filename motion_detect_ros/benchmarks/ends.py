@@ -32,7 +32,7 @@ from motion_detect_ros.benchmarks.feeder import Feeder
 from motion_detect_ros.benchmarks.jpeg_stream import JpegStream
 from motion_detect_ros.bridge.arguments import text_parameter
 from motion_detect_ros.bridge.transport import environment
-from motion_detect_ros.cli.domains import own_domain
+from motion_detect_ros.cli.domains import lock_of, own_domain
 from motion_detect_ros.core.errors import SourceError
 
 #: A node that is told to end has ended after so long, seconds.
@@ -133,7 +133,8 @@ class Ends:
         command = [sys.executable, '-m', f'motion_detect_ros.nodes.{case.node}', '--ros-args', '-r', f'__node:={name}']
         for argument in case.arguments:
             command += ['-p', argument]
-        process = subprocess.Popen(command, env=self._environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        process = subprocess.Popen(command, env=self._environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                                   pass_fds=lock_of(self._domain))
         try:
             if case.waits:
                 self._await(lambda: name in self._feeder.nodes, process)

@@ -22,7 +22,7 @@ from motion_detect_ros.bridge.arguments import text_parameter
 from motion_detect_ros.bridge.qos import CLOCK_DEPTH
 from motion_detect_ros.bridge.serialized import header_stamp_ns
 from motion_detect_ros.bridge.transport import environment
-from motion_detect_ros.cli.domains import own_domain
+from motion_detect_ros.cli.domains import lock_of, own_domain
 from motion_detect_ros.cli.interrupts import held_back
 from motion_detect_ros.cli.planner import Planner, Received
 from motion_detect_ros.core.errors import MessageError, SourceError
@@ -154,7 +154,8 @@ class LiveGraph:
     def _spawn(self, node: str, parameters: list[str]) -> subprocess.Popen[bytes]:
         command = [sys.executable, '-m', f'motion_detect_ros.nodes.{node}', '--ros-args', *parameters]
         with (self._log / f'{node}.txt').open('wb') as log, held_back():
-            process = subprocess.Popen(command, env=self._environment, stdout=log, stderr=subprocess.STDOUT)
+            process = subprocess.Popen(command, env=self._environment, stdout=log, stderr=subprocess.STDOUT,
+                                       pass_fds=lock_of(self._domain_id))
             self._started.append(process)
         return process
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 
 import pytest
 
 from motion_detect_ros.__main__ import main
 from motion_detect_ros.cli import domains
-from motion_detect_ros.cli.domains import DOMAINS, own_domain
+from motion_detect_ros.cli.domains import DOMAINS, lock_of, own_domain
 from motion_detect_ros.core.errors import ConfigError
 
 #: A process that thinks that its number is 7 and says its domain, until its input ends.
@@ -43,9 +44,38 @@ def test_processes_whose_numbers_collide_have_different_domains(no_domain):
     assert process.stdout.split()[0] in first, 'free again'
 
 
+def test_a_domain_is_reserved_until_the_last_node_in_it_has_ended(no_domain):
+    """A run that is killed leaves its nodes behind."""
+    killed = """
+import os, subprocess, sys
+os.getpid = lambda: 7
+from motion_detect_ros.cli.domains import lock_of, own_domain
+domain = own_domain()
+left = subprocess.Popen([sys.executable, '-c', 'input()'], pass_fds=lock_of(domain), stdout=subprocess.DEVNULL)
+print(domain, flush=True)
+os._exit(9)
+"""
+    run = subprocess.Popen([sys.executable, '-c', killed], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    domain = run.stdout.readline().strip()
+    assert run.wait() == 9
+
+    def next_one() -> str:
+        said = subprocess.run([sys.executable, '-c', RUN], input='', capture_output=True, text=True, check=True)
+        return said.stdout.split()[0]
+
+    assert next_one() != domain
+    run.stdin.write('\n')  # ends what is left
+    run.stdin.close()
+    deadline = time.monotonic() + 60.0
+    while next_one() != domain:
+        assert time.monotonic() < deadline
+    run.stdout.close()
+
+
 def test_the_user_s_choice_counts(no_domain, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv('ROS_DOMAIN_ID', '150')
     assert own_domain() == 150
+    assert lock_of(150) == ()
     assert not [*no_domain.iterdir()]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import fcntl
 import json
 import os
 import signal
@@ -338,6 +339,28 @@ def test_a_node_that_dies_in_playback_leaves_what_was_answered(patient: list[str
         assert len([*reader.messages(['/detections'])]) == answered
     assert sorted(path.name for path in out.iterdir()) == [
         'detections.csv.part', 'detections.mcap.part', 'summary.json']
+
+
+def test_the_nodes_of_a_killed_run_keep_their_domain(tmp_path: Path):
+    """Else the next run would hear them."""
+    write_scene(tmp_path / 'a.mcap', FRAMES)
+    variables = {**os.environ, 'TMPDIR': str(tmp_path)}
+    variables.pop('ROS_DOMAIN_ID', None)
+    command = [sys.executable, '-m', 'motion_detect_ros', 'replay', '--live', str(tmp_path / 'a.mcap'), '-o',
+               str(tmp_path / 'out')]
+    running = subprocess.Popen(command, env=variables, start_new_session=True)
+    try:
+        children, deadline = Path(f'/proc/{running.pid}/task/{running.pid}/children'), time.monotonic() + TIMEOUT_S
+        while len(children.read_text().split()) < 3:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        running.kill()
+        running.wait()
+        lock, = tmp_path.glob('*.lock')
+        with lock.open() as file, pytest.raises(BlockingIOError):
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    finally:
+        os.killpg(running.pid, signal.SIGKILL)
 
 
 @pytest.mark.parametrize('send', [os.kill, os.killpg])

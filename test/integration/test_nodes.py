@@ -23,7 +23,7 @@ from motion_detect_ros.bridge import topics
 from motion_detect_ros.bridge.images import header_of, image_to_msg, stamp_ns
 from motion_detect_ros.bridge.transport import environment
 from motion_detect_ros.cli.demo import QUEUE_SIZE
-from motion_detect_ros.cli.domains import own_domain
+from motion_detect_ros.cli.domains import lock_of, own_domain
 from motion_detect_ros.cli.live import STAGES, LiveGraph, queues
 from motion_detect_ros.sources.bags import BagWriter
 from motion_detect_ros.sources.messages import IMAGE, header, make, serialize
@@ -60,7 +60,8 @@ def write_scene(path: Path, frames: int, size: tuple[int, int] | None = None, pe
 def node_process(node: str, *arguments: str) -> subprocess.Popen[str]:
     variables = {**environment(), 'ROS_DOMAIN_ID': str(own_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
     command = [sys.executable, '-m', f'motion_detect_ros.nodes.{node}', '--ros-args', *arguments]
-    return subprocess.Popen(command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                            pass_fds=lock_of(own_domain()))
 
 
 @contextlib.contextmanager

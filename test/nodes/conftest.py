@@ -14,7 +14,7 @@ import rclpy
 from peers import TIMEOUT_S, Peer
 
 from motion_detect_ros.bridge.transport import environment
-from motion_detect_ros.cli.domains import own_domain
+from motion_detect_ros.cli.domains import lock_of, own_domain
 
 
 @pytest.fixture
@@ -39,7 +39,8 @@ def start(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[bytes]]]:
         log = tmp_path / f'{node}.log'
         command = [sys.executable, '-m', f'motion_detect_ros.nodes.{node}', '--ros-args', *arguments]
         with log.open('wb') as output:
-            process = subprocess.Popen(command, env=variables, stdout=output, stderr=subprocess.STDOUT)
+            process = subprocess.Popen(command, env=variables, stdout=output, stderr=subprocess.STDOUT,
+                                       pass_fds=lock_of(own_domain()))
         running.append((process, log, code))
         return process
 
