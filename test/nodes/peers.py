@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -16,11 +17,13 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import Image
 
-from motion_detect_ros.bridge.images import header_of, image_to_msg
+from motion_detect_ros.bridge.images import header_of, image_to_msg, stamp_ns
 from motion_detect_ros.cli.live import depth_of, queues
 
 #: A safety net: three nodes that share a busy core take a minute to start.
 TIMEOUT_S = 300.0
+#: For the last messages of nodes that are at work already: a lost one is sent again every three seconds.
+ALL_CAME_S = 60.0
 #: After this an answer is asked for again: a server that has not found the client yet drops the first one.
 ASK_AGAIN_S = 5.0
 #: Messages that may wait in publishers and subscriptions where none may be lost.
@@ -121,6 +124,18 @@ class Peer:
         self._executor.shutdown(timeout_sec=2.0)
         self.node.destroy_node()
         rclpy.try_shutdown(context=self._context)
+
+
+def all_came(peer: Peer, received: Sequence[Any], stamps_ns: Sequence[int], timeout_s: float = ALL_CAME_S) -> None:
+    """Asserts that messages of these stamps come, each once and in this order; else says which did, and what is wrong.
+
+    For topics whose publisher is ``lossless``: others overwrite what a busy machine is late to take.
+    """
+    peer.until(lambda: len(received) >= len(stamps_ns), timeout_s)
+    came = [stamp_ns(message.header) for message in received]
+    missing, extra = Counter(stamps_ns) - Counter(came), Counter(came) - Counter(stamps_ns)
+    assert came == [*stamps_ns], (
+        f'came: {came}; missing: {sorted(missing.elements())}; too many: {sorted(extra.elements())}')
 
 
 def set_parameters(peer: Peer, node: str, **values: Any) -> list[str]:
