@@ -19,7 +19,7 @@ LIMIT = 'OPENCV_IO_MAX_IMAGE_PIXELS'
 MEMORY_BYTES = 600 << 20
 #: In a process of its own, as OpenCV reads the limit when it is loaded.
 CODE = '''
-import resource, sys
+import re, sys
 from pathlib import Path
 from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.sources.opening import open_source
@@ -31,7 +31,8 @@ for name in sys.argv[2:]:
         print(error)
 source = open_source(sys.argv[1])
 print([frame.index for frame in source], source.bad_frames)
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+# Of this program only: ru_maxrss is at least that of the process that started it.
+print(1024 * int(re.search(r'VmHWM:\\s*(\\d+) kB', Path('/proc/self/status').read_text())[1]))
 '''
 
 
