@@ -13,6 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from peak_memory import PEAK_BYTES
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2, PointField
 
 from motion_detect_ros.bridge.images import flow_from_msg, header_of, image_from_msg, image_to_msg
@@ -153,21 +154,18 @@ def test_compressed_images(suffix: str, shown):
 
 
 #: In a process of its own, whose peak of memory nothing else has raised.
-DECODING = """
-import re, sys
+DECODING = PEAK_BYTES + """
+import sys
 from pathlib import Path
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.sources.images import decode_image
 
-def peak_kb():  # of this program only: ru_maxrss is at least that of the process that started it
-    return int(re.search(r'VmHWM:\\s*(\\d+) kB', Path('/proc/self/status').read_text())[1])
-
-before_kb = peak_kb()
+before = peak_bytes()
 try:
     decode_image(Path(sys.argv[1]).read_bytes(), 'odd')
 except SourceError as error:
     print(error)
-print(peak_kb() - before_kb)
+print((peak_bytes() - before) // 1024)
 """
 
 

@@ -12,14 +12,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from peak_memory import PEAK_BYTES
 
 from motion_detect_ros.sources.bags import BagWriter
 
 LIMIT = 'OPENCV_IO_MAX_IMAGE_PIXELS'
 MEMORY_BYTES = 600 << 20
 #: In a process of its own, as OpenCV reads the limit when it is loaded.
-CODE = '''
-import re, sys
+CODE = PEAK_BYTES + '''
+import sys
 from pathlib import Path
 from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.sources.opening import open_source
@@ -31,8 +32,7 @@ for name in sys.argv[2:]:
         print(error)
 source = open_source(sys.argv[1])
 print([frame.index for frame in source], source.bad_frames)
-# Of this program only: ru_maxrss is at least that of the process that started it.
-print(1024 * int(re.search(r'VmHWM:\\s*(\\d+) kB', Path('/proc/self/status').read_text())[1]))
+print(peak_bytes())
 '''
 
 
