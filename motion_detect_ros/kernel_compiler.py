@@ -1,4 +1,4 @@
-"""Kernels compiled by processes of their own, a share each, where the cache of numba does not hold them yet.
+"""Kernels compiled by processes of their own, where the cache of numba does not hold them yet.
 
 One process alone takes the longer, and keeps the memory of the compiler for good. Which kernels a start needs, for
 what types of arguments, stands in ``kernels.json``, written by ``benchmarks.kernel_table``; what it lacks is compiled
@@ -7,60 +7,33 @@ where it is called.
 
 from __future__ import annotations
 
-import gc
 import json
 import os
 import selectors
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import lru_cache
-from importlib import import_module, resources
+from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import IO
 
-from numba import types
-
+from motion_detect_ros import kernel_process
 from motion_detect_ros.core.compilation import NotCachedError, compilation_told, only_cached
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.kernels import can_be_cached
 from motion_detect_ros.core.pipeline import warm_up
+from motion_detect_ros.kernel_process import Signature
 
 TABLE = 'kernels.json'
-#: More processes than this would wait for the longest share.
+#: More processes than this would wait for the longest job.
 MAX_PROCESSES = 4
 #: The kinds of start: stages before the objects, objects of flow, objects of points too.
 FIRST_STAGES, FLOW, POINTS = 'first_stages', 'flow', 'points'
 KINDS = (FIRST_STAGES, FLOW, POINTS)
-
-
-@dataclass(frozen=True)
-class Signature:
-    """A kernel and types of its arguments. ``kernel``: module and function, ``core.x.y:name``; ``arguments``: numba's
-    representation of each; ``seconds``: about how long it takes to compile; ``kinds``: of start that need it.
-    """
-
-    kernel: str
-    arguments: tuple[str, ...]
-    seconds: float
-    kinds: tuple[str, ...]
-
-    @classmethod
-    def of(cls, row: Mapping[str, Any]) -> Signature:
-        """From what ``asdict`` of it is in JSON. Raises: KeyError where something is missing."""
-        return cls(row['kernel'], tuple(row['arguments']), row['seconds'], tuple(row['kinds']))
-
-    def dispatcher(self) -> Any:
-        """The function to compile. Raises: ImportError, AttributeError for what is not there."""
-        module, name = self.kernel.split(':')
-        return getattr(import_module(f'motion_detect_ros.{module}'), name)
-
-    def compile(self) -> None:
-        """Into the cache. Raises: whatever numba makes of types that it does not know."""
-        known = {**vars(types), 'bool': types.boolean}
-        self.dispatcher().compile(tuple(eval(argument, known) for argument in self.arguments))
 
 
 @lru_cache(maxsize=1)
@@ -100,14 +73,15 @@ def from_cache(config: PipelineConfig, detects: bool = True) -> bool:
 
 def compile_elsewhere(wanted: Sequence[Signature], tell: Callable[[int], None]) -> None:
     """Returns when all are compiled, or could not be: what fails is not told, for who calls it will see."""
-    processes: list[subprocess.Popen[bytes]] = []
+    todo = jobs(wanted)
+    compilers: list[_Compiler] = []
     try:
-        for share in shares(wanted, min(MAX_PROCESSES, len(os.sched_getaffinity(0)))):
-            processes.append(_compiler())
-            _give(processes[-1], share)
+        for _ in range(min(MAX_PROCESSES, len(os.sched_getaffinity(0)), len(todo))):
+            compilers.append(_Compiler())
         with selectors.DefaultSelector() as waiting:
-            for process in processes:
-                waiting.register(process.stdout, selectors.EVENT_READ)  # type: ignore[arg-type]
+            for each in compilers:
+                each.begin(todo)
+                waiting.register(each.done, selectors.EVENT_READ, each)
             count = 0
             tell(1)
             while waiting.get_map():
@@ -118,55 +92,60 @@ def compile_elsewhere(wanted: Sequence[Signature], tell: Callable[[int], None]) 
                     for _ in range(told.count(b'\n')):
                         count += 1
                         tell(count)
+                        key.data.done_one(todo)
     except OSError:  # no more processes, or one that has ended: who calls the kernels compiles them
         return
     finally:
-        for process in processes:
-            with suppress(OSError):
-                process.kill()
-            process.stdout.close()  # type: ignore[union-attr]
-            process.wait()
+        for each in compilers:
+            each.end()
 
 
-def shares(wanted: Sequence[Signature], count: int) -> list[list[Signature]]:
-    """Split among ``count`` processes that take about as long each: the longest first, to who has least to do.
+def jobs(wanted: Sequence[Signature]) -> deque[list[Signature]]:
+    """What is handed out one after the other to who is free, the longest first.
 
     Those of one module stay together, as what they call is compiled once in each process.
     """
     modules: dict[str, list[Signature]] = {}
     for each in wanted:
         modules.setdefault(each.kernel.partition(':')[0], []).append(each)
-    split: list[list[Signature]] = [[] for _ in range(count)]
-    for together in sorted(modules.values(), key=_seconds, reverse=True):
-        min(split, key=_seconds).extend(together)
-    return [share for share in split if share]
+    return deque(sorted(modules.values(), key=lambda job: sum(one.seconds for one in job), reverse=True))
 
 
-def _seconds(share: Sequence[Signature]) -> float:
-    return sum(one.seconds for one in share)
+class _Compiler:
+    """A process that compiles. It imports from where this one does, and not from whatever folder it is started in."""
 
+    def __init__(self) -> None:
+        path = os.pathsep.join(str(Path(each).absolute()) for each in sys.path)
+        self._process = subprocess.Popen(
+            [sys.executable, '-P', '-m', kernel_process.__name__], env={**os.environ, 'PYTHONPATH': path}, bufsize=0,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True)
+        self._left = 0
 
-def _compiler() -> subprocess.Popen[bytes]:
-    """Imports from where this process does, and not from whatever folder it is started in."""
-    path = os.pathsep.join(str(Path(each).absolute()) for each in sys.path)
-    return subprocess.Popen(
-        [sys.executable, '-P', '-m', 'motion_detect_ros.kernel_compiler'], env={**os.environ, 'PYTHONPATH': path},
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True)
+    @property
+    def done(self) -> IO[bytes]:
+        """A line for each kernel."""
+        return self._process.stdout  # type: ignore[return-value]
 
+    def begin(self, todo: deque[list[Signature]]) -> None:
+        """The next job, or none. Raises: OSError where the process has ended."""
+        to: IO[bytes] = self._process.stdin  # type: ignore[assignment]
+        if not todo:
+            to.close()
+            return
+        job = todo.popleft()
+        self._left = len(job)
+        to.write(json.dumps([asdict(each) for each in job]).encode() + b'\n')
 
-def _give(process: subprocess.Popen[bytes], share: Sequence[Signature]) -> None:
-    with process.stdin as to:  # type: ignore[union-attr]
-        to.write(json.dumps([asdict(each) for each in share]).encode())
+    def done_one(self, todo: deque[list[Signature]]) -> None:
+        """One kernel of its job. Raises: OSError where the process has ended."""
+        self._left -= 1
+        if self._left == 0:
+            self.begin(todo)
 
-
-def main() -> None:
-    """Compiles what stands on standard input, and writes a line for each."""
-    gc.disable()  # a tenth of the time; the process ends soon
-    for row in json.loads(sys.stdin.read()):
-        with suppress(Exception):  # a table of another version
-            Signature.of(row).compile()
-        print(row['kernel'], flush=True)
-
-
-if __name__ == '__main__':
-    main()
+    def end(self) -> None:
+        """At once."""
+        with suppress(OSError):
+            self._process.kill()
+        for pipe in (self._process.stdin, self._process.stdout):
+            pipe.close()  # type: ignore[union-attr]
+        self._process.wait()

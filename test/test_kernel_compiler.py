@@ -15,7 +15,8 @@ from batch_flights import write_flight
 from motion_detect_ros.benchmarks.kernel_table import recorded
 from motion_detect_ros.cli import selftest
 from motion_detect_ros.cli.compiled_kernels import COMPILING, compile_missing
-from motion_detect_ros.kernel_compiler import KINDS, Signature, compile_elsewhere, shares, signatures
+from motion_detect_ros.kernel_compiler import KINDS, compile_elsewhere, jobs, signatures
+from motion_detect_ros.kernel_process import Signature
 from motion_detect_ros.presets import load_preset, with_settings
 
 #: Warms up and prints how many kernels other processes and this one compiled, and what was told.
@@ -92,16 +93,35 @@ def test_without_compilers_a_start_goes_on(program: str, monkeypatch: pytest.Mon
     assert set(told) <= {1}  # the first begins, and none is ever done
 
 
-def test_shares_take_about_as_long_and_keep_modules_together() -> None:
+def test_jobs_are_whole_modules_and_the_longest_comes_first() -> None:
     one = Signature('core.a:f', (), 1.0, ())
     wanted = [replace(one, kernel=f'core.{module}:{name}', seconds=seconds) for module, name, seconds in (
-        ('a', 'f', 1.0), ('b', 'f', 2.0), ('a', 'g', 2.0), ('c', 'f', 0.5), ('d', 'f', 0.5))]
-    split = shares(wanted, 2)
-    assert sorted(each.kernel for share in split for each in share) == sorted(each.kernel for each in wanted)
-    assert sorted(sum(each.seconds for each in share) for share in split) == [3.0, 3.0]
-    assert sum('core.a:f' in {each.kernel for each in share} and 'core.a:g' in {each.kernel for each in share}
-               for share in split) == 1
-    assert shares(wanted[:1], 4) == [wanted[:1]]
+        ('a', 'f', 1.0), ('b', 'f', 2.5), ('a', 'g', 2.0), ('c', 'f', 0.5))]
+    names = [[each.kernel for each in job] for job in jobs(wanted)]
+    assert names == [['core.a:f', 'core.a:g'], ['core.b:f'], ['core.c:f']]
+
+
+def test_a_compiler_that_ends_leaves_its_jobs_to_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first one started ends in its first job, without a word; of ten kernels the other one compiles the rest."""
+    compilers = tmp_path / 'compilers'
+    compilers.write_text(f'#!/bin/sh\nif mkdir {tmp_path}/first 2>/dev/null; then read job; exit; fi\n'
+                         'while read job; do echo done; done\n')
+    compilers.chmod(0o755)
+    monkeypatch.setattr(sys, 'executable', str(compilers))
+    monkeypatch.setattr(os, 'sched_getaffinity', lambda _: {0, 1})
+    told = list[int]()
+    compile_elsewhere([Signature(f'core.a{number}:f', (), 1.0, ()) for number in range(10)], told.append)
+    assert told == [1, *range(1, 10)]
+
+
+def test_a_compiler_imports_no_more_than_it_needs() -> None:
+    """Two of them start beside a node on two cores, and each library takes its time twice."""
+    done = subprocess.run([sys.executable, '-X', 'importtime', '-m', 'motion_detect_ros.kernel_process'],
+                          stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60, check=True)
+    imported = {line.rpartition('|')[2].strip() for line in done.stderr.splitlines()}
+    assert 'numba' in imported
+    assert not imported & {'cv2', 'rclpy', 'scipy.linalg', 'scipy.optimize', 'scipy.spatial'}
+    assert {name for name in imported if name.startswith('motion_detect_ros.')} <= {'motion_detect_ros.kernel_process'}
 
 
 def replay(cache: Path, flight: Path, out: Path) -> subprocess.CompletedProcess[str]:

@@ -19,7 +19,8 @@ from numba.core import event
 
 import motion_detect_ros
 from motion_detect_ros.core.pipeline import warm_up
-from motion_detect_ros.kernel_compiler import FIRST_STAGES, FLOW, KINDS, POINTS, TABLE, Signature
+from motion_detect_ros.kernel_compiler import FIRST_STAGES, FLOW, KINDS, POINTS, TABLE
+from motion_detect_ros.kernel_process import Signature
 from motion_detect_ros.presets import load_preset
 
 PRESETS = {FIRST_STAGES: 'default', FLOW: 'default', POINTS: 'visdrone'}
