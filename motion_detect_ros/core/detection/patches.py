@@ -71,6 +71,8 @@ def joined_patches(patches: list[Patch], near_area: float = math.inf) -> list[Pa
 
 
 def _close(a: Patch, b: Patch, near_area: float) -> bool:
-    areas, common = (a.box.area, b.box.area), a.box.union(b.box).area
-    spread = MAX_SPREAD if common < near_area else NEAR_SPREAD
-    return a.box.gap(b.box) <= GAP_SHARE * math.sqrt(min(areas)) and common <= spread * sum(areas)
+    areas = a.box.area, b.box.area
+    if a.box.gap(b.box) > GAP_SHARE * math.sqrt(min(areas)):  # of most pairs
+        return False
+    common = a.box.union(b.box).area
+    return common <= (MAX_SPREAD if common < near_area else NEAR_SPREAD) * sum(areas)
