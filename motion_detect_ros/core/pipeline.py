@@ -44,6 +44,7 @@ class Measured:
     reference: ReferenceFrame | None
     flow: FlowField
     times_ms: StageTimes
+    camera: CameraModel | None
 
 
 class MotionPipeline:
@@ -101,13 +102,14 @@ class MotionPipeline:
         ego_done = perf_counter()
         reference = self._history.step(frame, ego)
         flow = self._optical_flow.process(frame, ego, reference, later)
-        return Measured(frame, ego, reference, flow, StageTimes(
-            1e3 * (prepared - start), 1e3 * (ego_done - prepared), 1e3 * (perf_counter() - ego_done)))
+        times = StageTimes(1e3 * (prepared - start), 1e3 * (ego_done - prepared), 1e3 * (perf_counter() - ego_done))
+        return Measured(frame, ego, reference, flow, times, self._ego_motion.camera)
 
     def detect(self, measured: Measured) -> Result:
         """The second half: clustering and tracks. Frames in their order."""
         start = perf_counter()
         ego, flow, times, pending = measured.ego, measured.flow, measured.times_ms, measured.flow.pending
+        self._clustering.camera = measured.camera
         detections = self._clustering.process(measured.frame, ego, measured.reference, flow)
         flow_ms = flow.took_ms if pending and not self._clustering.flow_is_behind else 0.0
         times = replace(times, optical_flow=times.optical_flow + flow_ms,
@@ -131,9 +133,8 @@ class MotionPipeline:
         self._preprocessor.limit_width(share)
 
     def use_camera(self, camera: CameraModel | None) -> None:
-        """Calibration from now on, None = unknown."""
+        """Calibration of what is measured from now on, None = unknown."""
         self._ego_motion.camera = camera
-        self._clustering.camera = camera
 
     def use_config(self, config: PipelineConfig) -> None:
         """Other settings from the next frame on; all history is cleared where they differ in structural ones.

@@ -45,7 +45,7 @@ class Summary:
     and ``duration_s`` (s), ``every`` (frames): as the user gave them, None where not; ``rectified``: the pictures of a
     bag are; ``input_bytes``: None where the size is not known. ``formats``: of the detections, names in
     ``results.formats.FORMATS``; ``overlay``: whether detections.mcap holds the pictures with boxes; ``tuned``: at the
-    end, the settings that may follow the scene (``core.self_tuning.Tuned``).
+    end, the settings that may follow the scene (``core.self_tuning.Tuned``); ``warnings``: what was not used, and why.
     """
 
     input: str
@@ -77,6 +77,7 @@ class Summary:
     decode_ms: Percentiles
     settings: dict[str, bool | int | float | str]
     tuned: dict[str, int | float] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
 
 
 #: What values of summary.json are, by name of the field.
@@ -88,7 +89,8 @@ _TYPES: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(('input_bytes', 'announced_frames', 'every'), (int, NoneType)),
     **dict.fromkeys(('fps', 'start_s', 'duration_s'), (*_NUMBER, NoneType)),
     **dict.fromkeys(('complete', 'overlay', 'calibrated', 'rectified'), (bool,)),
-    **dict.fromkeys(('ego_status', 'settings', 'tuned', 'stage_ms', 'decode_ms'), (dict,)), 'formats': (list,)}
+    **dict.fromkeys(('ego_status', 'settings', 'tuned', 'stage_ms', 'decode_ms'), (dict,)),
+    **dict.fromkeys(('formats', 'warnings'), (list,))}
 
 
 def takes_part(content: Mapping[str, Any]) -> bool:

@@ -22,6 +22,7 @@ class Tally:
     frames: int = 0
     bad_frames: int = 0
     misstamped_frames: int = 0
+    calibrated: bool = False
     detections: int = 0
     ids: set[int] = field(default_factory=set)
     ego_status: Counter[str] = field(default_factory=Counter)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from motion_detect_ros.core.errors import MessageError, MotionDetectError, SourceError
-from motion_detect_ros.core.types import ByteArray
+from motion_detect_ros.core.types import ByteArray, CameraModel
 from motion_detect_ros.sources import messages
 from motion_detect_ros.sources.bag_reader import BagReader
+from motion_detect_ros.sources.calibration import NONE, UNCALIBRATED, Calibration
 from motion_detect_ros.sources.camera_info import camera_of
 from motion_detect_ros.sources.encoding import ImageDecoder
 from motion_detect_ros.sources.frames import SourceFrame
@@ -26,7 +28,11 @@ _IMU = 'imu'
 
 
 class BagFrames:
-    """One image topic (Image or CompressedImage) of a bag; stamps are those of the headers."""
+    """One image topic (Image or CompressedImage) of a bag; stamps are those of the headers.
+
+    Each picture has the calibration of its own ``camera_info``, as in the nodes (``Calibration``); those before the
+    first one have that. ``complaints``: why any of those passed has none, or one without its distortion.
+    """
 
     def __init__(
         self, path: str | Path, topic: str | None = None, window: Window = WHOLE, rectified: bool = False,
@@ -44,6 +50,8 @@ class BagFrames:
         self.camera_topic = self._choose_camera_topic()
         self.camera_info = self._read_camera_info()
         self.camera = camera_of(self.camera_info, rectified) if self.camera_info is not None else None
+        self.complaints: tuple[str, ...] = ()
+        self._rectified = rectified
         self.bad_frames = self.frames_passed = 0
         self._window = window
 
@@ -60,8 +68,10 @@ class BagFrames:
     def __iter__(self) -> Iterator[SourceFrame]:
         """Frames in order; a malformed message costs itself only and is counted in ``bad_frames``."""
         self.bad_frames = self.frames_passed = 0
-        decoder, selection = ImageDecoder(), Selection(self._window)
-        for index, (position_ns, message) in enumerate(self._placed()):
+        decoder, selection, calibration = ImageDecoder(), Selection(self._window), Calibration(self._rectified)
+        if self.camera_info is not None:
+            calibration.note(self.camera_info)
+        for index, (position_ns, message) in enumerate(self._placed(calibration)):
             choice = selection.judge(index, position_ns)
             if choice is Choice.END:
                 return
@@ -73,14 +83,43 @@ class BagFrames:
             except MotionDetectError:
                 self.bad_frames += 1
                 continue
-            yield SourceFrame(index, image, stamp_ns)
+            yield SourceFrame(index, image, stamp_ns, self._camera_of(image, stamp_ns, calibration))
 
-    def _placed(self) -> Iterator[tuple[int, RawMessage]]:
+    def _camera_of(self, image: ByteArray, stamp_ns: int, calibration: Calibration) -> CameraModel | None:
+        height, width = image.shape[:2]
+        camera, complaint = calibration.for_image(stamp_ns, width, height), calibration.complaint()
+        # All zero is how a camera says that it is not calibrated: nothing is wrong with the bag.
+        if complaint and calibration.state not in {NONE, UNCALIBRATED} and complaint not in self.complaints:
+            self.complaints += (complaint,)
+        return camera
+
+    def _placed(self, calibration: Calibration) -> Iterator[tuple[int, RawMessage]]:
         """The messages, each with its time after the first one, ns, where the window asks for times; else with 0."""
-        recorded = _messages(self._reader, self.topic.name, self.topic.msgtype)
+        recorded = self._pictures(calibration)
         if not self._window.by_time:  # nothing waits for the message after it, which may be unreadable
             return ((0, message) for message in recorded)
         return ((timed.position_ns, timed.message) for timed in timeline(recorded))
+
+    def _pictures(self, calibration: Calibration) -> Iterator[RawMessage]:
+        """The messages of the topic, each after the ``camera_info`` up to the next one: its own may be behind it."""
+        if self.camera_topic is None:
+            yield from _messages(self._reader, self.topic.name, self.topic.msgtype)
+            return
+        waiting: RawMessage | None = None
+        try:
+            for message in self._reader.messages((self.topic.name, self.camera_topic)):
+                if message.topic == self.camera_topic:
+                    _note(message, calibration)
+                elif _holds(message, self.topic.msgtype):
+                    before, waiting = waiting, message
+                    if before is not None:
+                        yield before
+        except (OSError, MotionDetectError):  # what was read before counts
+            if waiting is not None:
+                yield waiting
+            raise
+        if waiting is not None:
+            yield waiting
 
     def gyro(self) -> Iterator[GyroSample]:
         """Angular rates of the only Imu topic, or of the one named ``imu``; stamps are those of the headers.
@@ -116,6 +155,12 @@ class BagFrames:
             except MessageError:
                 continue
         return None
+
+
+def _note(message: RawMessage, calibration: Calibration) -> None:
+    if _holds(message, messages.CAMERA_INFO):
+        with suppress(MessageError):
+            calibration.note(messages.deserialize(message.data, messages.CAMERA_INFO))
 
 
 def decode_message(message: RawMessage, decoder: ImageDecoder) -> tuple[ByteArray, int]:

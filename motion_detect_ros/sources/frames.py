@@ -31,11 +31,13 @@ class SourceFrame:
 
     ``index``: position in the source, from 0; an unreadable frame uses its index up, so that truth stays aligned.
     ``image``: (H, W) grey or (H, W, 3) BGR, uint8. ``stamp_ns``: time of the picture by the source's clock, ns.
+    ``camera``: its calibration, None = unknown.
     """
 
     index: int
     image: ByteArray
     stamp_ns: int
+    camera: CameraModel | None = None
 
 
 class FrameSource(Protocol):
@@ -54,7 +56,7 @@ class FrameSource(Protocol):
 
     @property
     def camera(self) -> CameraModel | None:
-        """The calibration, None where the source has none."""
+        """The calibration of the first picture, None where the source has none."""
 
     @property
     def bad_frames(self) -> int:

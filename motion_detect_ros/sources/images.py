@@ -154,7 +154,7 @@ class ImageSequence:
                     raise SourceError(f'{file.parent}: the folder has gone while it was read') from None
                 self.bad_frames += 1
                 continue
-            yield SourceFrame(index, image, stamp_ns)
+            yield SourceFrame(index, image, stamp_ns, self.camera)
 
 
 def image_folder(folder: Path, fps: float, window: Window = WHOLE) -> ImageSequence:

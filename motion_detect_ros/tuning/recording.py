@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
@@ -34,11 +34,12 @@ class Recording:
 
 @dataclass(frozen=True)
 class Picture:
-    """``index``: of the source; ``image``: (H, W[, 3]) uint8; ``stamp_ns``: nanoseconds."""
+    """``index``: of the source; ``image``: (H, W[, 3]) uint8; ``stamp_ns``: nanoseconds; ``camera``: None = unknown."""
 
     index: int
     image: ByteArray
     stamp_ns: int
+    camera: CameraModel | None
 
 
 @dataclass(frozen=True)
@@ -46,13 +47,11 @@ class Clip:
     """The pictures of a recording that are processed, in order of time."""
 
     pictures: Sequence[Picture]
-    camera: CameraModel | None
 
     def reversed(self) -> Clip:
         """The same flight backwards; the first stamp becomes the last."""
         ends = self.pictures[0].stamp_ns + self.pictures[-1].stamp_ns
-        return Clip([Picture(one.index, one.image, ends - one.stamp_ns) for one in reversed(self.pictures)],
-                    self.camera)
+        return Clip([replace(one, stamp_ns=ends - one.stamp_ns) for one in reversed(self.pictures)])
 
 
 def load(recording: Recording, config: PipelineConfig) -> Clip:
@@ -64,17 +63,19 @@ def load(recording: Recording, config: PipelineConfig) -> Clip:
     source, order = open_source(
         recording.path, recording.fps, recording.topic, rectified=recording.rectified), StampOrder()
     decimation = FrameDecimation(config.load.decimation_keep, config.load.decimation_of)
-    pictures = [Picture(frame.index, frame.image, frame.stamp_ns) for frame in islice(source, recording.limit)
+    pictures = [Picture(frame.index, frame.image, frame.stamp_ns, frame.camera)
+                for frame in islice(source, recording.limit)
                 if order.judge(frame.stamp_ns).usable and decimation.keep_next()]
     if not pictures:
         raise SourceError(f'{recording.path}: expected pictures, found none')
-    return Clip(pictures, source.camera)
+    return Clip(pictures)
 
 
 def detect(clip: Clip, config: PipelineConfig) -> Found:
     """Every picture through a fresh pipeline; one that the core refuses has no detections."""
-    pipeline, boxes, ids = MotionPipeline(config, clip.camera), {}, {}
+    pipeline, boxes, ids = MotionPipeline(config), {}, {}
     for picture in clip.pictures:
+        pipeline.use_camera(picture.camera)
         try:
             records = pipeline.process(picture.image, picture.stamp_ns).detections
         except FrameError:

@@ -6,8 +6,8 @@ import pytest
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
-from motion_detect_ros.bridge.calibration import KEPT, UNCALIBRATED, USED, Calibration
 from motion_detect_ros.bridge.images import stamp_of
+from motion_detect_ros.sources.calibration import KEPT, UNCALIBRATED, USED, Calibration
 
 SIZE = 640, 480
 

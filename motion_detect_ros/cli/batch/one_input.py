@@ -42,6 +42,7 @@ from motion_detect_ros.results.ownership import BusyError, owned
 from motion_detect_ros.results.summary import Percentiles, Summary, write_summary
 from motion_detect_ros.results.tally import Tally
 from motion_detect_ros.sources.ahead import Ahead
+from motion_detect_ros.sources.bags import BagFrames
 from motion_detect_ros.sources.frames import FrameSource, SourceFrame
 from motion_detect_ros.sources.inertial import GyroReplay, InertialSource
 from motion_detect_ros.sources.opening import open_source
@@ -72,6 +73,7 @@ def outcome_of(job: Job, summary: Summary) -> Outcome:
         line += f', {summary.bad_frames} bad frames left out'
     if summary.misstamped_frames:
         line += f', {summary.misstamped_frames} left out, their stamps were seen already, late or out of range'
+    line += ''.join(f'; {warning}' for warning in summary.warnings)
     if summary.damaged:
         line += f'; {summary.damaged}'
     if not summary.frames:
@@ -89,7 +91,7 @@ def replay(job: Job, watch: Watch = lambda done, total: None) -> Summary:
     """
     input_bytes = size_of(job.path)  # before it is read: what grows meanwhile is another input next time
     source = open_source(job.path, job.fps, job.topic, job.window, job.rectified)
-    pipeline = MotionPipeline(job.config, source.camera)
+    pipeline = MotionPipeline(job.config)
     gyro = _gyro(source, job.config)
     use(job.config.load.threads)
     tally = Tally()
@@ -128,6 +130,7 @@ def _process(
           Ahead(_measured(pipeline, _in_order(frames, tally), gyro, decimation)) as measured,
           Ahead(_detected(pipeline, measured, job.overlay)) as detected):
         for done in detected:
+            tally.calibrated |= done.calibrated
             if done.result is None:
                 tally.bad_frames += 1
             else:
@@ -175,6 +178,7 @@ def _measured(
         frame = timed.frame
         for sample in gyro.take(frame.stamp_ns) if gyro else ():
             pipeline.add_gyro(sample.stamp_ns, np.array(sample.rate))
+        pipeline.use_camera(frame.camera)
         try:
             yield timed, pipeline.measure(frame.image, frame.stamp_ns)
         except FrameError:  # a picture of another size or type costs that picture only
@@ -183,13 +187,16 @@ def _measured(
 
 @dataclass(frozen=True)
 class DoneFrame:
-    """What is written of a frame. ``result``: None where the core refused it; ``tuned``: settings in use by then."""
+    """What is written of a frame. ``result``: None where the core refused it; ``tuned``: settings in use by then;
+    ``calibrated``: whether the calibration of the image is known.
+    """
 
     index: int
     decode_ms: float
     image: ByteArray | None
     result: Result | None
     tuned: Tuned
+    calibrated: bool
 
 
 def _detected(
@@ -199,7 +206,8 @@ def _detected(
     for timed, motion in measured:
         result = None if motion is None else pipeline.detect(motion)
         image = timed.frame.image if overlay else None
-        yield DoneFrame(timed.frame.index, timed.decode_ms, image, result, pipeline.tuned)
+        yield DoneFrame(timed.frame.index, timed.decode_ms, image, result, pipeline.tuned,
+                        timed.frame.camera is not None)
 
 
 def _timed(source: FrameSource, path: str, tally: Tally) -> Iterator[TimedFrame]:
@@ -241,6 +249,7 @@ def _summarize(
         announced_frames=source.frame_count, frames=tally.frames, bad_frames=tally.bad_frames + source.bad_frames,
         misstamped_frames=tally.misstamped_frames, source_frames=source.frames_passed, detections=tally.detections,
         objects=len(tally.ids), ego_status=dict(tally.ego_status), image_size=tally.image_size,
-        calibrated=source.camera is not None, first_stamp_ns=tally.first_stamp_ns, last_stamp_ns=tally.last_stamp_ns,
+        calibrated=tally.calibrated, first_stamp_ns=tally.first_stamp_ns, last_stamp_ns=tally.last_stamp_ns,
         stage_ms=tally.stage_ms(), decode_ms=Percentiles.of(tally.decode_ms),
-        settings={name: value for name, value, _ in settings(job.config)}, tuned=tally.tuned)
+        settings={name: value for name, value, _ in settings(job.config)}, tuned=tally.tuned,
+        warnings=[*source.complaints] if isinstance(source, BagFrames) else [])
