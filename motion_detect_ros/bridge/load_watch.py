@@ -26,6 +26,14 @@ class SteppedNode(StageNode):
     """A stage node that works at a step, says which in diagnostics, and has a ``LoadWatch`` or a ``StageLoad``."""
 
     load_step = 0
+    _warned: frozenset[str] = frozenset()
+
+    def warn_of(self, complaints: tuple[str, ...]) -> None:
+        """Say each once."""
+        for words in complaints:
+            if words not in self._warned:
+                self._warned |= {words}
+                self.get_logger().warning(words)
 
     def limit_width(self, share: float) -> None:
         """From the next image on work at this share, 0 .. 1, of the width at most. Overridden."""

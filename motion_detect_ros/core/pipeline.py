@@ -77,6 +77,11 @@ class MotionPipeline:
         """The settings in use that ``self_tuning`` may have changed."""
         return self._clustering.tuned
 
+    @property
+    def complaints(self) -> tuple[str, ...]:
+        """As of the ``Preprocessor``."""
+        return self._preprocessor.complaints
+
     def process(self, image: npt.NDArray[np.uint8], stamp_ns: int) -> Result:
         """Detect the independently moving objects in ``image``.
 

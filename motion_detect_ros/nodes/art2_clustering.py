@@ -63,6 +63,7 @@ class Art2ClusteringNode(SteppedNode):
 
     def _detect(self, header: Any, image: ByteArray, flow: FlowField, ego: EgoMotion) -> str:
         frame = self._preprocessor.process(image, stamp_ns(header))
+        self.warn_of(self._preprocessor.complaints)
         expected, got = grid_shape(frame, self.config.optical_flow.grid_px), flow.flow.shape[:2]
         if got != expected:
             raise MessageError(f'{self.resolve_topic_name(FLOW.name)}: expected a grid of {expected[1]}x{expected[0]} '

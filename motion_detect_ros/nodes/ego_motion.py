@@ -54,6 +54,7 @@ class EgoMotionNode(SteppedNode):
         """One image: estimate and publish, with the step that the stages behind follow."""
         start = time.perf_counter()
         frame = self._preprocessor.process(image, stamp_ns(header))
+        self.warn_of(self._preprocessor.complaints)
         ego = replace(self._stage.process(frame), load_step=self.load_step)
         self._publisher.publish(ego, header)
         self._stage.look_ahead()

@@ -50,6 +50,7 @@ class OpticalFlowNode(SteppedNode):
         """One image: flow and publish."""
         with self._load.image(header, ego.load_step):
             frame = self._preprocessor.process(image, stamp_ns(header))
+            self.warn_of(self._preprocessor.complaints)
             reference = self._history.step(frame, ego)
             self._publisher.publish(self._stage.process(frame, ego, reference), header)
         return unused_for(ego, reference is not None)

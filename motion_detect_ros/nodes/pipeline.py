@@ -42,6 +42,7 @@ class PipelineNode(SteppedNode):
     def work(self, header: Any, image: ByteArray) -> str:
         """One image: process and publish, detections first."""
         result = self._pipeline.process(image, stamp_ns(header))
+        self.warn_of(self._pipeline.complaints)
         self._publisher.publish(result.detections, header)
         self._ego_publisher.publish(replace(result.ego, load_step=self.load_step), header)
         if self._flow_publisher.subscribers:

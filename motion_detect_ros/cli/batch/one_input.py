@@ -97,7 +97,7 @@ def replay(job: Job, watch: Watch = lambda done, total: None) -> Summary:
     tally = Tally()
 
     def summary_now(complete: bool) -> Summary:
-        return _summarize(job, input_bytes, source, tally, complete)
+        return _summarize(job, input_bytes, source, pipeline, tally, complete)
 
     _make_folder(job.folder)
     with owned(job.folder) as owner:
@@ -240,7 +240,7 @@ def _make_folder(folder: Path) -> None:
 
 
 def _summarize(
-    job: Job, input_bytes: int | None, source: FrameSource, tally: Tally, complete: bool,
+    job: Job, input_bytes: int | None, source: FrameSource, pipeline: MotionPipeline, tally: Tally, complete: bool,
 ) -> Summary:
     return Summary(
         input=str(job.path), input_bytes=input_bytes, fps=job.fps, topic=job.topic, start_s=job.start_s,
@@ -252,4 +252,4 @@ def _summarize(
         calibrated=tally.calibrated, first_stamp_ns=tally.first_stamp_ns, last_stamp_ns=tally.last_stamp_ns,
         stage_ms=tally.stage_ms(), decode_ms=Percentiles.of(tally.decode_ms),
         settings={name: value for name, value, _ in settings(job.config)}, tuned=tally.tuned,
-        warnings=[*source.complaints] if isinstance(source, BagFrames) else [])
+        warnings=[*(source.complaints if isinstance(source, BagFrames) else ()), *pipeline.complaints])

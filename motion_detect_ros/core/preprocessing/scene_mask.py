@@ -5,7 +5,6 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from motion_detect_ros.core.errors import FrameError
 from motion_detect_ros.core.geometry.warp import at_scale, stabilise
 from motion_detect_ros.core.regions import Region
 from motion_detect_ros.core.types import BoolArray, DoubleArray
@@ -19,19 +18,22 @@ def regions_mask(
 ) -> BoolArray | None:
     """(h, w) = ``shape``: False for every pixel that shows any of ``regions`` of a ``width`` x ``height`` image.
 
-    None where there are no regions. Raises: FrameError for a region that is not on the image.
+    What of them is not on the image is nothing. None where no region is on it.
     """
+    regions = tuple(region for region in regions if is_on_image(region, width, height))
     if not regions:
         return None
     across, down = shape[1] / width, shape[0] / height
     mask = np.ones(shape, np.bool_)
     for region in regions:
-        if region.x >= width or region.y >= height:
-            raise FrameError(f'preprocessing.ignore_regions: region {",".join(map(str, region))} is not on the '
-                             f'{width}x{height} picture')
         right, bottom = (region.x + region.width) * across, (region.y + region.height) * down
         mask[int(region.y * down):int(np.ceil(bottom)), int(region.x * across):int(np.ceil(right))] = False
     return mask
+
+
+def is_on_image(region: Region, width: int, height: int) -> bool:
+    """Whether any of it is on a ``width`` x ``height`` image."""
+    return region.x < width and region.y < height
 
 
 def scene_cells(mask: BoolArray, matrix: DoubleArray, scale: float, rows: int, columns: int) -> BoolArray:

@@ -12,7 +12,7 @@ from motion_detect_ros.core.config import PreprocessingConfig
 from motion_detect_ros.core.errors import FrameError
 from motion_detect_ros.core.preprocessing.alternatives.overlay_mask import OverlayFinder
 from motion_detect_ros.core.preprocessing.brightness import Brightness
-from motion_detect_ros.core.preprocessing.scene_mask import regions_mask
+from motion_detect_ros.core.preprocessing.scene_mask import is_on_image, regions_mask
 from motion_detect_ros.core.regions import Region, parse_regions
 from motion_detect_ros.core.types import BoolArray, ByteArray, PreparedFrame
 
@@ -20,15 +20,21 @@ from motion_detect_ros.core.types import BoolArray, ByteArray, PreparedFrame
 MIN_SIDE_PX = 32
 #: Images are not enlarged by more: noise floors and gates in pixels of the image as it comes would not fit any longer.
 MAX_ENLARGEMENT = 2.0
+#: More are not told: there may be images of any sizes.
+MAX_COMPLAINTS = 10
 
 
 class Preprocessor:
-    """Turns images, in their order, into ``PreparedFrame``."""
+    """Turns images, in their order, into ``PreparedFrame``.
+
+    ``complaints``: which ignored regions were not on an image so far, in words, each once.
+    """
 
     def __init__(self, config: PreprocessingConfig) -> None:
         self._config = config
         self._max_width_px = config.max_width_px
         self._regions = parse_regions(config.ignore_regions)
+        self.complaints: tuple[str, ...] = ()
         self._ignored: dict[tuple[int, int], BoolArray | None] = {}
         self._overlay = OverlayFinder()
         self._brightness = Brightness()
@@ -53,8 +59,7 @@ class Preprocessor:
         the scene.
 
         image: (H, W) grey or (H, W, 3) BGR, uint8.
-        Raises: FrameError for another shape or type, a side too small to work on, or an ignored region that is not on
-        the image.
+        Raises: FrameError for another shape or type, or a side too small to work on.
         """
         height, width = _checked_size(image)
         gray = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
@@ -75,6 +80,7 @@ class Preprocessor:
     def _mask(self, gray: ByteArray, width: int, height: int, stamp_ns: int) -> BoolArray | None:
         """(h, w), False in ignored regions and detected overlays; None without any."""
         if (width, height) not in self._ignored:
+            self._complain(width, height)
             top = (Region(0, 0, width, self._config.ignore_top_px),) if self._config.ignore_top_px else ()
             self._ignored = {(width, height): regions_mask(top + self._regions, width, height, gray.shape)}
         ignored = self._ignored[width, height]
@@ -83,6 +89,11 @@ class Preprocessor:
             return overlay if ignored is None else ignored
         both: BoolArray = ignored & overlay
         return both
+
+    def _complain(self, width: int, height: int) -> None:
+        new = (f'preprocessing.ignore_regions: region {",".join(map(str, region))} is not on the {width}x{height} '
+               'picture, and left out' for region in self._regions if not is_on_image(region, width, height))
+        self.complaints = tuple(dict.fromkeys((*self.complaints, *new)))[:MAX_COMPLAINTS]
 
 
 def at_working_width(

@@ -11,7 +11,7 @@ from warps import about_centre, corner_error, view, world
 
 from motion_detect_ros.core.config import PipelineConfig, PreprocessingConfig
 from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
-from motion_detect_ros.core.errors import ConfigError, FrameError
+from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.core.pipeline import MotionPipeline, warm_up
 from motion_detect_ros.core.preprocessing.scene_mask import scene_cells
 from motion_detect_ros.core.preprocessing.stage import Preprocessor, mean_shift
@@ -41,9 +41,21 @@ class TestRegions:
         with pytest.raises(ConfigError, match='expected x, y from 0 and w, h from 1'):
             PreprocessingConfig(ignore_regions=text)
 
-    def test_a_region_off_the_picture_is_refused(self):
-        with pytest.raises(FrameError, match='region 640,0,10,10 is not on the 640x480 picture'):
-            mask_of(PreprocessingConfig(ignore_regions='640,0,10,10'))
+    def test_a_region_off_the_picture_is_left_out_and_told_once_for_each_size(self):
+        prepare = Preprocessor(PreprocessingConfig(ignore_regions='640,0,10,10; 100,480,5,5; 600,400,100,100'))
+        small, large = np.zeros((480, 640), np.uint8), np.zeros((960, 1280), np.uint8)
+        told = [prepare.process(small, stamp) and prepare.complaints for stamp in (0, 1)]
+        words = 'preprocessing.ignore_regions: region {} is not on the 640x480 picture, and left out'
+        assert told == [(words.format('640,0,10,10'), words.format('100,480,5,5'))] * 2
+        mask = prepare.process(small, 2).mask
+        assert mask is not None and not mask[400:, 600:].any()
+        assert np.count_nonzero(~mask) == 80 * 40
+        large_mask = prepare.process(large, 3).mask
+        assert large_mask is not None and not large_mask[0:7, 480:487].any()  # of 960 working pixels: all are on it
+        assert prepare.complaints == told[0]
+
+    def test_nothing_on_the_picture_is_no_mask(self):
+        assert mask_of(PreprocessingConfig(ignore_regions='640,0,10,10')) is None
 
     def test_nothing_ignored_is_no_mask(self):
         assert mask_of(PreprocessingConfig()) is None
