@@ -81,16 +81,19 @@ def versions() -> dict[str, str]:
 
 
 def work(job: Job, lease: str, expected: dict[str, str]) -> Outcome:
-    """On a worker: one job, as long as the folder ``lease`` is there, with the threads of the worker.
+    """On a worker: one job, as long as somebody wants it, with the threads of the worker.
+
+    That is while the folder ``lease`` is there, and the scheduler has a client that waits for the task.
 
     What is finished is not done again: the scheduler asks for it where the worker died that has the answer. One that it
     believes dead may still be at work, and is waited for.
     """
     from distributed import get_worker
     worker, finished = get_worker(), Path(lease) / job.name
+    task = worker.get_current_task()
     _await_free(job.folder, lease)
-    if finished.is_file():
-        return Outcome(**json.loads(finished.read_text(encoding='utf-8')))
+    if (outcome := answered(finished)) is not None:
+        return outcome
     trouble = _trouble(lease, expected)
     if not trouble and not Path(job.path).exists():
         trouble = f'no {job.path}; expected a folder that all machines share'
@@ -105,13 +108,29 @@ def work(job: Job, lease: str, expected: dict[str, str]) -> Outcome:
             return
         last_s = time.monotonic()
         worker.log_event(topic_of(lease), (job.name, done, total))
-        if not Path(lease).exists():
+        if not Path(lease).exists() or _is_cancelled(worker, task):
             raise StoppedError
 
     outcome = run_job(job, watch)
     with suppress(FileNotFoundError):  # nobody wants it any more
         write_whole(finished, json.dumps(asdict(outcome)))
     return outcome
+
+
+def _is_cancelled(worker: Any, task: Any) -> bool:
+    """Whether the scheduler has told the worker that a task which it is at is wanted no more: its client has gone."""
+    state = worker.state.tasks.get(task)
+    return state is None or state.state == 'cancelled'
+
+
+def answered(finished: Path) -> Outcome | None:
+    """What an earlier worker left of a job, None where there is nothing that can be read: the job is done anew then."""
+    try:
+        content = json.loads(finished.read_text(encoding='utf-8'))
+        outcome = Outcome(**content)
+    except (OSError, ValueError, TypeError, RecursionError):
+        return None
+    return outcome if isinstance(outcome.exit_code, int) and isinstance(outcome.line, str) else None
 
 
 def _await_free(folder: Path, lease: str) -> None:
