@@ -31,7 +31,7 @@ from motion_detect_ros.report.make import can_report
 from motion_detect_ros.results.formats import output_files
 from motion_detect_ros.sources.bags import is_bag
 from motion_detect_ros.sources.frames import DEFAULT_FPS
-from motion_detect_ros.sources.opening import check_rate
+from motion_detect_ros.sources.opening import check_rate, check_rate_is_used
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -95,7 +95,8 @@ def run(arguments: argparse.Namespace) -> int:
 def make_jobs(arguments: argparse.Namespace, config: PipelineConfig) -> list[Job]:
     """A job for each input; inputs of the same name get a number behind it.
 
-    Raises: SourceError as ``Window``, where outputs would go into or over an input, for a topic of no bag.
+    Raises: SourceError as ``Window``, where outputs would go into or over an input, for a topic of no bag,
+    a rate where all inputs have stamps.
     """
     formats, inputs = formats_of(arguments), expand_inputs(arguments.inputs, arguments.output)
     rectified = arguments.rectified or node_parameters(preset_of(arguments)).get('rectified') is True
@@ -109,6 +110,7 @@ def make_jobs(arguments: argparse.Namespace, config: PipelineConfig) -> list[Job
                               'choose another --output')
     if arguments.topic is not None and not any(_may_have_topics(Path(path)) for path in inputs.paths):
         raise SourceError(f'--topic: expected a bag among the inputs, got {arguments.topic}')
+    check_rate_is_used('--fps', arguments.fps, inputs.paths)
     outputs = {file.resolve() for job in jobs for file in output_files(job.folder)}
     for path in inputs.paths:
         if Path(path).resolve() in outputs:

@@ -27,7 +27,7 @@ from motion_detect_ros.presets import load_preset, node_parameters, write_preset
 from motion_detect_ros.results.clips import truth_of_clips
 from motion_detect_ros.results.files import write_whole
 from motion_detect_ros.results.metrics import COUNTINGS
-from motion_detect_ros.sources.opening import source_name
+from motion_detect_ros.sources.opening import check_rate_is_used, source_name
 from motion_detect_ros.tuning.objective import AgreementObjective, Objective, TruthObjective
 from motion_detect_ros.tuning.recording import Recording
 from motion_detect_ros.tuning.report import as_json, as_markdown, headline
@@ -123,6 +123,7 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
 def _recordings(arguments: argparse.Namespace, rectified: bool) -> list[Recording]:
     """Raises: SourceError where inputs and truth do not fit together."""
     paths = expand_inputs(arguments.inputs, arguments.output).paths
+    check_rate_is_used('--fps', arguments.fps, paths)
     if arguments.output.resolve() in [Path(path).resolve() for path in paths]:
         raise SourceError(f'{arguments.output}: expected another folder for the outputs than the input itself; choose '
                           'another --output')

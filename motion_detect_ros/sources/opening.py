@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 from motion_detect_ros.core.errors import SourceError
@@ -58,6 +59,21 @@ def check_rate(name: str, fps: float | None) -> None:
     """Raises: SourceError for a rate (1/s) that is none; None is not given."""
     if fps is not None and not 0 < fps < math.inf:
         raise SourceError(f'{name}: expected a number over 0, got {fps:g}')
+
+
+def check_rate_is_used(name: str, fps: float | None, paths: Iterable[str]) -> None:
+    """Raises: SourceError for a rate (1/s) where each of the inputs has stamps of its own; None is not given."""
+    if fps is not None and all(_has_stamps(Path(path)) for path in paths):
+        raise SourceError(f'{name}: expected an input without stamps of its own (video, pictures), got bags or KITTI '
+                          'drives only')
+
+
+def _has_stamps(path: Path) -> bool:
+    """Whether a rate says nothing to it; false for what cannot be read, which is said when it is opened."""
+    try:
+        return is_bag(path) or is_kitti_drive(path)
+    except OSError:
+        return False
 
 
 def looks_like_source(path: Path) -> bool:

@@ -217,6 +217,30 @@ def test_a_topic_of_pictures_is_refused_and_beside_a_bag_is_not(
     assert main(['replay', str(pictures), str(bag), *words]) == 0
 
 
+def test_a_rate_is_refused_where_all_inputs_have_stamps(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    pictures, out, drive = tmp_path / 'pictures', tmp_path / 'out', tmp_path / 'drive'
+    (drive / 'image_02' / 'data').mkdir(parents=True)
+    pictures.mkdir()
+    for index in range(2):
+        cv2.imwrite(str(pictures / f'{index}.png'), scene(index))
+    words = ['-o', str(out), '--no-report', '--fps', '5']
+    refused = ('error: --fps: expected an input without stamps of its own (video, pictures), got bags or KITTI drives '
+               'only\n')
+    for inputs in ([bag], [drive], [bag, drive]):
+        assert main(['replay', *map(str, inputs), *words]) == 2
+        assert capsys.readouterr().err == refused
+        assert main(['tune', *map(str, inputs), *words[:2], '--fps', '5']) == 2
+        assert capsys.readouterr().err == refused
+    assert not out.exists()
+    assert main(['replay', str(pictures), *words]) == 0
+    assert json.loads((out / 'summary.json').read_text())['last_stamp_ns'] == 1_200_000_000
+    assert main(['replay', str(pictures), '-o', str(out), '--no-report']) == 2
+    assert 'fps 5.0, now not given' in capsys.readouterr().err
+    assert main(['replay', str(pictures), str(bag), '-o', str(tmp_path / 'both'), '--no-report', '--fps', '5']) == 0
+
+
 def test_an_unset_variable_is_not_the_current_folder(
     bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:

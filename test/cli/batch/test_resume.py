@@ -232,7 +232,6 @@ def test_an_interrupt_while_processes_start_is_one_line(tmp_path: Path):
     (['--start', '0.1'], 'start_s not given, now 0.1'),
     (['--duration', '1'], 'duration_s not given, now 1.0'),
     (['--topic', 'other'], 'topic image_raw, now other'),
-    (['--fps', '5'], 'fps not given, now 5.0'),
     (['--preset', 'visdrone'], 'ego_motion.'),
 ])
 def test_results_of_other_settings_are_refused(
