@@ -26,6 +26,9 @@ NODE_PARAMETERS = frozenset({
     'start_type_description_service', 'topic', 'topics', 'use_sim_time', 'wait_for_nodes', 'wait_for_subscribers',
 })
 
+#: Sections of a parameter file that are for all nodes, without slashes.
+ALL_NODES = ('**', '*')
+
 
 def is_node_parameter(name: str) -> bool:
     """Whether a parameter belongs to the nodes alone; so do all of the standard ``qos_overrides``."""
@@ -82,8 +85,8 @@ def node_parameters(name_or_path: str | Path) -> dict[str, Any]:
 def read_parameters(path: Path, wanted: Callable[[str], bool] = lambda name: True) -> dict[str, Any]:
     """Dotted parameter names and values of a ROS parameter file (``/**: ros__parameters:``), of all nodes together.
 
-    wanted: which names. Raises: ConfigError where the file cannot be read or is laid out otherwise, or where nodes have
-    different values of one of them.
+    wanted: which names. Raises: ConfigError where the file cannot be read or is laid out otherwise, or where sections
+    of different nodes have different values of one of them.
     """
     return _read(path, lambda document: _merged(document, wanted))
 
@@ -127,7 +130,10 @@ def _sections(document: Any, namespace: str = '') -> Iterator[tuple[str, Mapping
 
 
 def _merged(document: Any, wanted: Callable[[str], bool]) -> dict[str, Any]:
-    """Raises: ConfigError for another layout or different values, RecursionError for one nested too deep."""
+    """Of sections that match the same node the last one holds, as in rclpy; one for all nodes matches each.
+
+    Raises: ConfigError for another layout or different values, RecursionError for one nested too deep.
+    """
     if not isinstance(document, Mapping):
         raise ConfigError(f'expected "/**: ros__parameters:" at the top, got {type(document).__name__}')
     merged: dict[str, Any] = {}
@@ -140,7 +146,9 @@ def _merged(document: Any, wanted: Callable[[str], bool]) -> dict[str, Any]:
         for name, value in _flat(body['ros__parameters'] or {}):
             if not wanted(name):
                 continue
-            if node_of.setdefault(name, node) != node and merged[name] != value:
+            if str(node).strip('/') in ALL_NODES:
+                node_of.pop(name, None)
+            elif node_of.setdefault(name, node) != node and merged[name] != value:
                 raise ConfigError(f'expected one value of {name}, got {merged[name]!r} under {node_of[name]!r}, '
                                   f'{value!r} under {node!r}')
             merged[name] = value
