@@ -39,8 +39,12 @@ class NodeProcesses:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> NodeProcesses:
-        for node in self._nodes:
-            self._start(node)
+        try:
+            for node in self._nodes:
+                self._start(node)
+        except BaseException:  # Ctrl-C too
+            self.__exit__()
+            raise
         return self
 
     def _start(self, node: str) -> None:

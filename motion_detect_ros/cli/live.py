@@ -14,6 +14,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -71,20 +72,20 @@ class LiveGraph:
         self._nodes = nodes
         self._image_topic = COMPRESSED_TOPIC if compressed else IMAGE_TOPIC
         self._domain_id = own_domain() if domain_id is None else domain_id
-        self._log = Path(tempfile.mkdtemp(prefix='motion_detect_'))
         self._environment = {
-            **environment(), 'ROS_DOMAIN_ID': str(self._domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-            'ROS_HOME': str(self._log)}
+            **environment(), 'ROS_DOMAIN_ID': str(self._domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._started: list[subprocess.Popen[bytes]] = []
         self.exit_codes: dict[str, int] = {}
+        self._log = Path(tempfile.mkdtemp(prefix='motion_detect_'))
+        self._environment['ROS_HOME'] = str(self._log)
 
     def __enter__(self) -> LiveGraph:
         os.environ.update({name: self._environment[name] for name in ('ROS_AUTOMATIC_DISCOVERY_RANGE',)})
         for name, value in self._environment.items():
             os.environ.setdefault(name, value)
         with contextlib.ExitStack() as stack:
-            stack.callback(self._stop)
+            stack.push(self._stop)
             self.planner = stack.enter_context(Planner(self._domain_id))
             for node in self._nodes:
                 self._processes[node] = self._spawn(node, self._params)
@@ -95,8 +96,10 @@ class LiveGraph:
             self._stack = stack.pop_all()
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self._stack.close()
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None,
+    ) -> None:
+        self._stack.__exit__(kind, error, trace)
 
     def process_id(self, node: str) -> int:
         """Of a node's process."""
@@ -174,7 +177,7 @@ class LiveGraph:
                 said = '\n'.join(line for line in lines if not line.startswith('[INFO]'))
                 raise SourceError(f'{node}: ended with exit code {process.poll()}' + (f': {said}' if said else ''))
 
-    def _stop(self) -> None:
+    def _stop(self, kind: type[BaseException] | None, *_: object) -> None:
         for process in self._started:
             process.send_signal(signal.SIGINT)
         try:
@@ -183,9 +186,11 @@ class LiveGraph:
         finally:  # after a second Ctrl-C none is waited for
             for process in self._started:
                 process.kill()
-        self.exit_codes = {node: _end(process) for node, process in self._processes.items()}
-        if not any(self.exit_codes.values()):  # what a failed node has printed stays to be read
-            shutil.rmtree(self._log, ignore_errors=True)
+            self.exit_codes = {node: _end(process) for node, process in self._processes.items()}
+            # What a failed node has printed stays to be read; one that is told to end while it loads has a code too.
+            interrupted = kind is not None and issubclass(kind, KeyboardInterrupt)
+            if interrupted or not any(self.exit_codes.values()):
+                shutil.rmtree(self._log, ignore_errors=True)
 
 
 def queues(depth: int) -> tuple[str, ...]:

@@ -365,9 +365,10 @@ def test_the_nodes_of_a_killed_run_keep_their_domain(tmp_path: Path):
 
 @pytest.mark.parametrize('send', [os.kill, os.killpg])
 def test_an_interrupt_while_the_nodes_start_writes_nothing_and_says_so(
-    send: Callable[[int, signal.Signals], None], tmp_path: Path,
+    send: Callable[[int, signal.Signals], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ):
-    """To the one process, and to its group, as a terminal sends it."""
+    """To the one process, and to its group, as a terminal sends it. No folder of the nodes' logs is left."""
+    monkeypatch.setenv('TMPDIR', str(tmp_path))
     write_scene(tmp_path / 'a.mcap', FRAMES)
     running = live_process(str(tmp_path / 'a.mcap'), '-o', str(tmp_path / 'out'))
     children, deadline = Path(f'/proc/{running.pid}/task/{running.pid}/children'), time.monotonic() + TIMEOUT_S
@@ -381,3 +382,4 @@ def test_an_interrupt_while_the_nodes_start_writes_nothing_and_says_so(
         3, f'interrupted; {tmp_path}/out: no image was answered yet, nothing was written\n')
     assert_nobody_left(running.pid)
     assert not (tmp_path / 'out').exists()
+    assert not [path for path in tmp_path.iterdir() if path.is_dir()]
