@@ -35,7 +35,7 @@ ARGUMENTS: tuple[Argument, ...] = (
     ('use_respawn', 'false', 'start a node again that has ended; false: the launch fails with a camera or stage'),
     ('mode', 'nodes', 'nodes: one process a stage; pipeline: all stages in one process'),
     ('camera', 'true', 'start the camera node; false: another driver publishes the images'),
-    ('source', '', 'what the camera node reads: number, file, folder or address; the launch ends with a file; '
+    ('source', '', 'what the camera node reads: number, device, file, folder or address; the launch ends with a file; '
                    'empty = as in params_file, else 0'),
     ('frame_id', '', 'frame_id that the camera node gives its images; '
                      'empty = as in params_file, else camera_optical_frame'),

@@ -33,7 +33,7 @@ class CameraNode(SourceNode):
 
     def __init__(self) -> None:
         super().__init__('camera')
-        address = declare_address(self, 'source', '0', 'camera number, file, folder, bag, or rtsp:// http:// address')
+        address = declare_address(self, 'source', '0', 'camera (0, /dev/video0), file, folder, bag, rtsp:// or http://')
         secret_file = str(declare_simple(self, 'source_secret_file', '', 'file with user:password, or the address'))
         self._source = with_secret(address, secret_file)
         self._fps = float(declare_simple(self, 'fps', 0.0, 'rate of a source without stamps, 0 = its own', 0.0, 1000.0))

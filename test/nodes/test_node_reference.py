@@ -68,6 +68,7 @@ def test_reader_sees_what_a_user_gives(found: dict[str, NodeInterface]) -> None:
         if metadata['low'] is not None:
             assert {one.limits for one in declared} == {f'{metadata["low"]:g} to {metadata["high"]:g}'}
     assert found['camera'].parameters['source'].value == '0'
+    assert '/dev/video0' in found['camera'].parameters['source'].doc
     assert found['pipeline'].services['~/reset'] == 'std_srvs/Trigger'
 
 
