@@ -254,11 +254,18 @@ def test_without_dask_the_extra_is_named(
         'missing\n')
 
 
+def stand_in() -> SimpleNamespace:
+    """A worker of one thread whose task the scheduler wants."""
+    state = SimpleNamespace(nthreads=1, tasks={'task': SimpleNamespace(state='executing')})
+    return SimpleNamespace(address='tcp://127.0.0.1:7', state=state, log_event=lambda *_: None,
+                           get_current_task=lambda: 'task')
+
+
 def test_what_a_worker_has_finished_is_not_done_again_when_it_dies(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ):
     """The scheduler has another worker do again whatever it has not passed on yet."""
-    worker = SimpleNamespace(address='tcp://127.0.0.1:7', state=SimpleNamespace(nthreads=1), log_event=lambda *_: None)
+    worker = stand_in()
     monkeypatch.setitem(sys.modules, 'distributed', SimpleNamespace(get_worker=lambda: worker))
     monkeypatch.setattr(cluster, 'use', lambda threads: None)
     lease, job = tmp_path / 'lease', Job(str(folder / 'flight_0.mcap'), tmp_path / 'out', PipelineConfig())
@@ -292,7 +299,7 @@ def test_each_run_has_its_own_lease_and_topic_and_nobody_keeps_it_alive(
 
 def test_a_worker_stops_when_nobody_waits_for_it(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """As after Ctrl-C: the client takes its file away."""
-    worker = SimpleNamespace(address='tcp://127.0.0.1:7', state=SimpleNamespace(nthreads=1), log_event=lambda *_: None)
+    worker = stand_in()
     monkeypatch.setitem(sys.modules, 'distributed', SimpleNamespace(get_worker=lambda: worker))
     monkeypatch.setattr(cluster, 'LOOK_S', 0.0)
     monkeypatch.setattr(cluster, 'use', lambda threads: None)
