@@ -9,12 +9,10 @@ from typing import Any
 from motion_detect_ros.bridge.transport import additional_environment
 from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.launching import (
-    MOST_STARTS,
     STAGES,
     Argument,
     cores,
     existing,
-    fail_after_starts,
     fail_with,
     flag,
     log_level,
@@ -50,8 +48,6 @@ ARGUMENTS: tuple[Argument, ...] = (
     ('overlay', 'true', 'start the overlay node'),
     ('cpus', '', 'cores that the nodes may run on, as taskset takes them (0,1 or 0-3); empty = all'),
 )
-#: Options of launch under which a node is started again, the delay in seconds.
-RESPAWN: Mapping[str, Any] = {'respawn': True, 'respawn_delay': 2.0}
 #: How the text of an argument becomes the parameter of the same name.
 Readers = Mapping[str, Callable[[str, str], Any]]
 _ALL: Readers = {'autostart': flag, 'use_sim_time': flag}
@@ -102,8 +98,7 @@ class Detector:
         elif self.has_camera:
             found.append(self._lasting('camera', self._camera))
         if self._with_overlay:  # nobody's safety hangs on pictures: detection goes on without them
-            again = {**RESPAWN, 'respawn_max_retries': MOST_STARTS} if self._respawn else {}
-            found.append(self.node('overlay', self._images, self._topics(), **again))
+            found.append(self.node('overlay', self._images, self._topics(), **self._again()))
         return found
 
     def node(self, name: str, parameters: Mapping[str, Any], topics: list[tuple[str, str]], **options: Any) -> Any:
@@ -116,8 +111,10 @@ class Detector:
 
     def _lasting(self, name: str, parameters: Mapping[str, Any]) -> Any:
         """A node that the work needs: it is started again, or the launch fails with it."""
-        end = {**RESPAWN, 'on_exit': fail_after_starts()} if self._respawn else {'on_exit': fail_with}
-        return self.node(name, parameters, self._topics(), **end)
+        return self.node(name, parameters, self._topics(), **(self._again() or {'on_exit': fail_with}))
+
+    def _again(self) -> dict[str, Any]:
+        return {'respawn': True, 'respawn_delay': 2.0} if self._respawn else {}
 
     def _topics(self) -> list[tuple[str, str]]:
         image, info = self._values['image_topic'], self._values['camera_info_topic']

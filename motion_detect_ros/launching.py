@@ -23,9 +23,6 @@ _FLAGS = {'true': True, 'yes': True, 'on': True, '1': True, 'false': False, 'no'
 #: What rcl knows, in any case; ``logger:=level`` sets one logger.
 _LOG_LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
 _NAME = '[A-Za-z_][A-Za-z0-9_]*'
-#: A node with wrong settings, or without its source, ends with this code as soon as it has started; so often in a row
-#: one is started again: minutes, in which a camera that is switched on with the vehicle has come.
-CANNOT_START, MOST_STARTS = 2, 60
 
 
 def declared(arguments: Iterable[Argument]) -> list[Any]:
@@ -136,20 +133,6 @@ def fail_with(event: Any, context: Any) -> list[Any]:
     if event.returncode and not context.is_shutdown:
         raise MotionDetectError(f'{event.process_name} failed with exit code {event.returncode}')
     return []
-
-
-def fail_after_starts() -> Callable[[Any, Any], list[Any]]:
-    """An ``on_exit`` for one process that launch starts again: the launch fails where it never starts."""
-    in_a_row = 0
-
-    def on_exit(event: Any, context: Any) -> list[Any]:
-        nonlocal in_a_row
-        in_a_row = in_a_row + 1 if event.returncode == CANNOT_START else 0
-        if in_a_row >= MOST_STARTS and not context.is_shutdown:
-            raise MotionDetectError(
-                f'{event.process_name} failed with exit code {event.returncode}, {in_a_row} times in a row')
-        return []
-    return on_exit
 
 
 def end_with(processes: int = 1) -> Callable[[Any, Any], list[Any]]:

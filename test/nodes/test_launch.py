@@ -27,7 +27,6 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 DETECT, REPLAY, CAMERAS = (
     REPOSITORY / 'launch' / f'{name}.launch.py' for name in ('motion_detect', 'replay', 'cameras'))
 STAND_IN = Path(__file__).with_name('launch_stand_in')
-CONTEXT = SimpleNamespace(is_shutdown=False)
 #: What Nav2's bringup launch files take.
 EXPECTED_BY_NAV2_USERS = {'namespace', 'use_sim_time', 'params_file', 'autostart', 'log_level', 'use_respawn'}
 
@@ -218,8 +217,7 @@ def test_a_live_camera_waits_for_nobody(source: str, launched):
     camera = {node['executable']: node for node in launched(DETECT, source=source, use_respawn='true')}['camera']
     assert parameters(camera)['source'] == source
     assert 'wait_for_nodes' not in parameters(camera)
-    assert camera['respawn'] is True
-    assert camera['on_exit'](SimpleNamespace(process_name='camera-1', returncode=0), CONTEXT) == []
+    assert (camera['respawn'], 'on_exit' in camera) == (True, False)
 
 
 def test_a_source_that_there_is_not_ends_the_launch(launched):
@@ -388,22 +386,9 @@ def test_a_stage_or_camera_that_dies_fails_the_launch(path: Path, launched):
             assert node['on_exit'](SimpleNamespace(process_name='it-1', returncode=0), context) == []
 
 
-def test_what_is_started_again_fails_the_launch_when_it_never_starts(launched):
-    """60 starts in a row that end with code 2, as wrong settings do: minutes, for a camera that is slow to come."""
-    def ended(node: dict[str, Any], code: int, context: SimpleNamespace = CONTEXT) -> list[Any]:
-        return node['on_exit'](SimpleNamespace(process_name='it-1', returncode=code), context)
-
-    *nodes, overlay = launched(DETECT, use_respawn='true', source='0')
-    assert len(nodes) == 4 and overlay['executable'] == 'overlay'
-    for node in nodes:
-        assert (node['respawn'], node['respawn_delay']) == (True, 2.0)
-        for codes in ([2] * 59 + [-9], [2] * 59 + [1], [-11] * 100, [0] * 100, [2] * 59):
-            assert [ended(node, code) for code in codes] == [[]] * len(codes)
-        assert ended(node, 2, SimpleNamespace(is_shutdown=True)) == []
-        with pytest.raises(MotionDetectError, match='it-1 failed with exit code 2, 61 times in a row'):
-            ended(node, 2)
-    assert (overlay['respawn'], overlay['respawn_max_retries']) == (True, 60)  # it never ends the launch
-    assert 'on_exit' not in overlay
+def test_what_is_started_again_does_not_fail_the_launch(launched):
+    for node in launched(DETECT, use_respawn='true'):
+        assert node['respawn'] is True and 'on_exit' not in node
 
 
 def test_cameras_end_with_the_last_file(tmp_path: Path, launched):
