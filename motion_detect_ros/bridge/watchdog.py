@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 
 from motion_detect_ros.bridge.topics import DETECTIONS, DIAGNOSTICS
+from motion_detect_ros.core.errors import ConfigError
 
 #: Silence on ``detections`` that is too long where the planner says nothing else; reports come once a second: seconds.
 DETECTIONS_S, REPORTS_S = 0.5, 2.5
@@ -21,7 +22,12 @@ class Watchdog:
     def __init__(
         self, node: Node, stages: Collection[str] = ('/pipeline',), detections_s: float = DETECTIONS_S,
     ) -> None:
-        """stages: full names of the nodes that must be well; detections_s: longest silence, some camera periods."""
+        """stages: full names of the nodes that must be well; detections_s: longest silence, some camera periods.
+
+        Raises: ConfigError for stages that are no full names: none of these would ever report.
+        """
+        if isinstance(stages, str) or not all(name.startswith('/') for name in stages):
+            raise ConfigError(f"stages: expected full names of nodes, such as ['/pipeline'], got {stages!r}")
         self._detections_s = detections_s
         self._heard_s = -float('inf')
         self._reports: dict[str, tuple[float, DiagnosticStatus | None]] = dict.fromkeys(stages, (-float('inf'), None))

@@ -16,7 +16,9 @@ from sensor_msgs.msg import Image
 
 from motion_detect_ros.bridge.images import header_of, image_to_msg
 from motion_detect_ros.bridge.transport import environment
+from motion_detect_ros.bridge.watchdog import Watchdog
 from motion_detect_ros.cli.domains import own_domain
+from motion_detect_ros.core.errors import ConfigError
 
 pytestmark = pytest.mark.messages
 
@@ -93,3 +95,11 @@ def test_commands_may_be_stamped(peer, start, guard):
         return commands[-1].twist.linear.x == 1.0
 
     assert peer.until(driven)
+
+
+@pytest.mark.parametrize('stages', ['/pipeline', ['pipeline'], ['/pipeline', '']])
+def test_what_names_no_nodes_is_refused_instead_of_never_reporting(peer, stages):
+    with pytest.raises(ConfigError, match='stages: expected full names of nodes') as refused:
+        Watchdog(peer.node, stages)
+    assert repr(stages) in str(refused.value)
+    assert not peer.node.get_subscriptions_info_by_topic('/diagnostics')
