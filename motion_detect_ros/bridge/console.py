@@ -55,10 +55,11 @@ class ImageLog:
         silent_s = time.monotonic() - self._last_s
         if silent_s >= SILENCE_S:
             self._node.get_logger().warning(
-                f'no images on {self._topic} for {silent_s:.0f} s; {self._elsewhere()}',
+                f'no images on {self._topic} for {silent_s:.0f} s; {self.elsewhere()}',
                 throttle_duration_sec=SILENCE_S)
 
-    def _elsewhere(self) -> str:
+    def elsewhere(self) -> str:
+        """Which other topics have images of a camera, in a few words."""
         found = [f'{name} ({kinds[0].rpartition("/")[2]})' for name, kinds in self._node.get_topic_names_and_types()
                  if set(kinds) & set(IMAGE_TYPES) and self._may_be_meant(name)]
         return f'images are published on {", ".join(found)}' if found else 'nobody publishes others'

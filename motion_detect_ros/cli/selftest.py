@@ -58,12 +58,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints a line for each check. Raises: SourceError where a topic is to be listened to without ROS 2."""
-    checks = [_shared_memory(), _clock(), compiled_kernels(), *_flight()]
-    if importlib.util.find_spec('rclpy') is None:
-        if arguments.topic:
+    """Prints a line for each check.
+
+    Raises: SourceError where a topic is to be listened to without ROS 2; ConfigError for what is no topic.
+    """
+    with_ros, topic = importlib.util.find_spec('rclpy') is not None, arguments.topic
+    if topic is not None:
+        if not with_ros:
             raise SourceError('--topic: expected an installation of ROS 2, found none')
-    else:
+        from motion_detect_ros.cli.selftest_camera import checked
+        checked(topic)
+    checks = [_shared_memory(), _clock(), compiled_kernels(), *_flight()]
+    if with_ros:
         from motion_detect_ros.cli.selftest_camera import listen, profile
         checks += [Check(*profile()), *(Check(*row) for row in _camera(arguments, listen))]
     for check in checks:
@@ -75,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _camera(
     arguments: argparse.Namespace, listen: Callable[[str, bool, float], tuple[bool, str, str]],
 ) -> Iterator[tuple[str, bool | None, str, str]]:
-    if not arguments.topic:
+    if arguments.topic is None:
         yield 'camera', None, 'no topic given', 'give --topic /image_raw'
         return
     yield 'camera', *listen(arguments.topic, arguments.best_effort, LISTEN_S)
@@ -93,7 +99,7 @@ def _clock() -> Check:
     drift_s = (time.time() - system) - (time.monotonic() - steady)
     passed = system >= MIN_CLOCK_S and abs(drift_s) < MAX_DRIFT_S
     return Check('clock', passed, f'{time.strftime("%Y-%m-%d %H:%M", time.gmtime(system))} UTC, '
-                 f'{1e3 * drift_s:+.1f} ms in {CLOCK_S:g} s', 'set it, and let chrony or ntpd slew it, not step')
+                 f'drift {1e3 * drift_s:+.1f} ms in {CLOCK_S:g} s', 'set it, and let chrony or ntpd slew it, not step')
 
 
 def compiled_kernels() -> Check:

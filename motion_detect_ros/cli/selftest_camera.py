@@ -7,14 +7,18 @@ import time
 
 import rclpy
 from rclpy.context import Context
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.validate_topic_name import validate_topic_name
 
+from motion_detect_ros.bridge.console import ImageLog
 from motion_detect_ros.bridge.gaps import GapWatch
 from motion_detect_ros.bridge.image_stream import LOST_SHARE
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.qos import image_qos
-from motion_detect_ros.bridge.topics import COMPRESSED, IMAGE
+from motion_detect_ros.bridge.topics import COMPRESSED, IMAGE, NO_CAMERA
 from motion_detect_ros.bridge.transport import PROFILE_VARIABLE, profile_set
+from motion_detect_ros.core.errors import ConfigError
 
 #: Stamps older than this are of another clock, seconds.
 MAX_AGE_S = 10.0
@@ -26,6 +30,15 @@ def profile() -> tuple[str, bool, str, str]:
     there = profile_set() and os.path.isfile(file)  # noqa: PTH113 it may hold several
     return 'transport', there, f'{PROFILE_VARIABLE}={file or "(not set)"}', \
         'export it for the nodes and for the camera driver (README, Transport)'
+
+
+def checked(topic: str) -> None:
+    """Raises: ConfigError for what is no name of a topic."""
+    try:
+        validate_topic_name(topic)
+    except InvalidTopicNameException as error:
+        reason = str(error).partition(': ')[2].partition(':\n')[0]
+        raise ConfigError(f'--topic: expected a topic, such as /image_raw, got {topic!r}: {reason}') from None
 
 
 def listen(topic: str, best_effort: bool, seconds: float) -> tuple[bool, str, str]:
@@ -46,17 +59,25 @@ def listen(topic: str, best_effort: bool, seconds: float) -> tuple[bool, str, st
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         executor.spin_once(timeout_sec=0.1)
-    publishers = node.count_publishers(topic)
+    types = [info.topic_type for info in node.get_publishers_info_by_topic(topic)]
+    publishers = types.count(f'sensor_msgs/msg/{kind.__name__}')
+    elsewhere = ImageLog(node, topic, [each.name for each in NO_CAMERA]).elsewhere()
     node.destroy_node()
     rclpy.try_shutdown(context=context)
-    return judged(publishers, ages_s, gaps, seconds)
+    passed, found, cure = judged(publishers, ages_s, gaps, seconds, elsewhere)
+    if types and not publishers:
+        found += f', {topic} is of type {types[0]}'
+    return passed, found, cure
 
 
-def judged(publishers: int, ages_s: list[float], gaps: GapWatch, seconds: float) -> tuple[bool, str, str]:
-    """What the images say. ages_s: of their stamps on arrival."""
+def judged(
+    publishers: int, ages_s: list[float], gaps: GapWatch, seconds: float, elsewhere: str = '',
+) -> tuple[bool, str, str]:
+    """What the images say. ages_s: of their stamps on arrival; elsewhere: which other topics have images."""
     if not ages_s:
         return False, f'no images from {publishers} publishers', (
-            'start the driver' if not publishers else 'try --best-effort (the nodes find out by themselves)')
+            f'start the driver; {elsewhere}' if not publishers else
+            'try --best-effort (the nodes find out by themselves)')
     losses = gaps.losses()
     lost = losses.share if losses else 0.0
     found = f'{len(ages_s) / seconds:.1f} Hz, {lost:.0%} lost on the way, stamps {ages_s[-1]:.2f} s old'

@@ -6,12 +6,15 @@ import re
 from pathlib import Path
 
 import pytest
+from peers import Peer
+from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 
 from motion_detect_ros.__main__ import main
 from motion_detect_ros.bridge.gaps import GapWatch
 from motion_detect_ros.bridge.transport import PROFILE_VARIABLE
 from motion_detect_ros.cli import selftest
-from motion_detect_ros.cli.selftest_camera import judged
+from motion_detect_ros.cli.domains import own_domain
+from motion_detect_ros.cli.selftest_camera import judged, listen
 from motion_detect_ros.presets import find_config
 
 
@@ -58,3 +61,32 @@ def test_verdicts_about_a_camera(publishers: int, kept: int, age_s: float, passe
     found = judged(publishers, [age_s] * len(stamps), gaps, 5.0)
     assert found[0] == passed
     assert words in ' '.join(found[1:])
+
+
+@pytest.mark.parametrize('topic', ['/a/b/', 'two words', '', '/9'])
+def test_what_is_no_topic_is_refused_before_anything_is_checked(topic: str, capsys: pytest.CaptureFixture[str]):
+    assert main(['selftest', '--topic', topic]) == 2
+    said = capsys.readouterr()
+    assert said.out == ''
+    assert said.err.startswith(f'error: --topic: expected a topic, such as /image_raw, got {topic!r}: ')
+    assert len(said.err.splitlines()) == 1
+
+
+def test_a_wrong_topic_is_told_with_those_that_have_images(monkeypatch: pytest.MonkeyPatch):
+    """Pictures for people are no images of a camera."""
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(own_domain()))
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    peer = Peer(own_domain())
+    try:
+        for kind, topic in ((Image, '/front/image_raw'), (CompressedImage, '/rear/image_raw/compressed'),
+                            (PointCloud2, '/detections'), (Image, '/flow')):
+            peer.advertise(kind, topic)
+        passed, found, cure = listen('image_raw', False, 3.0)
+        assert (passed, found) == (False, 'no images from 0 publishers')
+        assert cure == ('start the driver; images are published on /front/image_raw (Image), '
+                        '/rear/image_raw/compressed (CompressedImage)')
+        passed, found, _ = listen('/detections', False, 3.0)
+        assert not passed
+        assert found == 'no images from 0 publishers, /detections is of type sensor_msgs/msg/PointCloud2'
+    finally:
+        peer.close()
