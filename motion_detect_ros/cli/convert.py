@@ -22,7 +22,7 @@ from motion_detect_ros.sources.kitti import KittiDrive, OxtsSample
 from motion_detect_ros.sources.numbered_pictures import truth_of_input
 from motion_detect_ros.sources.opening import check_name, check_rate
 from motion_detect_ros.sources.part_file import PART_SUFFIX, part_of
-from motion_detect_ros.sources.truth import write_truth
+from motion_detect_ros.sources.truth import Truth, write_truth
 from motion_detect_ros.sources.video import VideoFile
 from motion_detect_ros.sources.visdrone import visdrone_sequence
 
@@ -73,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
             f'{stale}: expected no truth, as that of the earlier {arguments.output} would stay; move it away{hint}')
     check_name(arguments.input)
     source = _open(kind, arguments.input, fps)
-    truth = truth_of_input(annotations, arguments.input).boxes if annotations else None
+    truth = truth_of_input(annotations, arguments.input) if annotations else None
     count = convert(source, arguments.output, getattr(arguments, 'compressed', False), truth)
     bad = f', {source.bad_frames} unreadable frames left out' if source.bad_frames else ''
     print(f'{arguments.output}: {count} frames{bad}' + (f'; {source.damaged}' if source.damaged else ''))
@@ -82,8 +82,8 @@ def run(arguments: argparse.Namespace) -> int:
     return PARTIAL if source.bad_frames or source.damaged else OK
 
 
-def convert(source: FrameSource, output: Path, compressed: bool = False, truth: RecordArray | None = None) -> int:
-    """Write a source to an MCAP file, and its truth (``TRUTH_DTYPE``) to ``<output without suffix>.truth.csv``.
+def convert(source: FrameSource, output: Path, compressed: bool = False, truth: Truth | None = None) -> int:
+    """Write a source to an MCAP file, and its truth to ``<output without suffix>.truth.csv``.
 
     truth: with the frame numbers of the source; the file counts as the bag does, without the unreadable ones.
 
@@ -108,7 +108,7 @@ def convert(source: FrameSource, output: Path, compressed: bool = False, truth: 
         for sample in inertial:
             _write_oxts(bag, sample)
     if truth is not None:
-        write_truth(truth_path(output), _renumbered(truth, written))
+        write_truth(truth_path(output), _renumbered(truth.boxes, written), truth.says_what_moves)
     return len(written)
 
 

@@ -55,7 +55,7 @@ def load_truth(path: str | Path) -> Truth:
     left top right bottom; DontCare counts neither way. MOT Challenge gt.txt:
     ``frame,id,left,top,width,height[,flag[,class[,visibility]]]``, frames and pixels from 1; flag 0 and the classes
     that its own evaluation leaves out count neither way, occluders are no objects. CSV: header
-    ``frame,id,x,y,w,h[,moving]``, frames from 0.
+    ``frame,id,x,y,w,h[,moving]``, frames from 0; ``moving`` may be empty: not known.
     Raises: SourceError with the line that is wrong.
     """
     path = Path(path)
@@ -91,13 +91,17 @@ def finite_box(cells: Sequence[str]) -> list[float]:
     return box
 
 
-def write_truth(path: str | Path, boxes: RecordArray) -> None:
-    """Write boxes of ``TRUTH_DTYPE`` as CSV with all columns, whole or not at all; numbers read back exactly."""
+def write_truth(path: str | Path, boxes: RecordArray, says_what_moves: bool = True) -> None:
+    """Write boxes of ``TRUTH_DTYPE`` as CSV with all columns, whole or not at all; numbers read back exactly.
+
+    says_what_moves: as in ``Truth``; without it ``moving`` stays empty where it is 1.
+    """
     part = part_of(Path(path))
     with part.open('w', newline='', encoding='utf-8') as stream:
         writer = csv.writer(stream, lineterminator='\n')
         writer.writerow(CSV_COLUMNS)
-        writer.writerows(boxes.tolist())
+        writer.writerows(boxes.tolist() if says_what_moves else
+                         [(*row[:-1], '' if row[-1] == _MOVES else row[-1]) for row in boxes.tolist()])
     part.replace(path)
 
 
@@ -148,6 +152,7 @@ def _mot_number(cells: list[str], column: int, otherwise: int) -> int:
 def _load_csv(path: Path, lines: list[str]) -> Truth:
     reader = csv.DictReader(lines)
     rows: list[_Row] = []
+    unsaid = said = False
     try:
         columns = reader.fieldnames or []
         missing = [name for name in CSV_COLUMNS[:-1] if name not in columns and name != 'id']
@@ -155,11 +160,13 @@ def _load_csv(path: Path, lines: list[str]) -> Truth:
             raise SourceError(f'{path}: column {", ".join(missing)} is missing; expected frame,id,x,y,w,h[,moving]')
         for cells in reader:
             rows.append(_fitting(_csv_row(cells)))
+            unsaid |= not cells.get('moving')
+            said |= bool(cells.get('moving')) and rows[-1][-1] != _IGNORED
     except (ValueError, TypeError, OverflowError) as error:
         raise SourceError(f'{path}, line {reader.line_num}: {error}') from None
     except csv.Error as error:  # the line is not counted yet
         raise SourceError(f'{path}, line {reader.line_num + 1}: {error}') from None
-    return Truth(np.array(rows, TRUTH_DTYPE), 'CSV', 'moving' in columns)
+    return Truth(np.array(rows, TRUTH_DTYPE), 'CSV', 'moving' in columns and (said or not unsaid))
 
 
 def _csv_row(cells: dict[str, str]) -> _Row:

@@ -15,7 +15,7 @@ from motion_detect_ros.__main__ import main
 from motion_detect_ros.cli.convert import convert
 from motion_detect_ros.sources.frames import FrameSource, SourceFrame
 from motion_detect_ros.sources.images import image_folder
-from motion_detect_ros.sources.truth import read_truth
+from motion_detect_ros.sources.truth import load_truth, read_truth
 
 DRIVE = 'kitti/2011_09_26/2011_09_26_drive_0005_sync'
 P_RECT_02 = [721.5377, 0, 609.5593, 44.85728, 0, 721.5377, 172.854, 0.2163791, 0, 0, 1, 0.002745884]
@@ -155,6 +155,23 @@ def test_truth_counts_as_the_bag_does_where_pictures_are_unreadable(sequence: Pa
     assert main(['convert', 'visdrone', str(sequence), '-o', str(out), '--annotations', str(annotations)]) == 3
     truth = read_truth(tmp_path / 'out.truth.csv')
     assert list(zip(truth['frame'].tolist(), truth['x'].tolist(), strict=True)) == [(0, 10), (1, 20), (2, 40), (3, 50)]
+
+
+@pytest.mark.parametrize(('labels', 'says', 'marks'), [
+    ('1,1,10,5,8,8,1,4,0,0\n1,2,30,5,8,8,0,0,0,0\n', False, [1, -1]),
+    ('frame,id,x,y,w,h\n0,1,10,5,8,8\n', False, [1]),
+    ('frame,id,x,y,w,h,moving\n0,1,10,5,8,8,1\n', True, [1]),
+    ('frame,id,x,y,w,h,moving\n0,1,10,5,8,8,0\n0,2,30,5,8,8,-1\n', True, [0, -1])])
+def test_truth_says_no_more_than_the_labels_do(
+    labels: str, says: bool, marks: list[int], sequence: Path, tmp_path: Path,
+) -> None:
+    """Labels of what is there, standing cars too, do not become labels of what moves."""
+    annotations = tmp_path / 'a.txt'
+    annotations.write_text(labels)
+    words = ['convert', 'visdrone', str(sequence), '-o', str(tmp_path / 'out.mcap')]
+    assert main([*words, '--annotations', str(annotations)]) == 0
+    truth = load_truth(tmp_path / 'out.truth.csv')
+    assert (truth.says_what_moves, truth.boxes['moving'].tolist()) == (says, marks)
 
 
 def test_a_truth_that_is_there_is_not_overwritten(

@@ -75,6 +75,10 @@ def test_csv_with_and_without_moving(tmp_path: Path) -> None:
     bare = load_truth(write(tmp_path / 'b.csv', 'frame,id,x,y,w,h\n4,7,1,2,3,4\n'))
     assert bare.boxes['moving'].tolist() == [1]
     assert not bare.says_what_moves
+    header = 'frame,id,x,y,w,h,moving\n'
+    for cells, says in (('4,7,1,2,3,4,\n4,8,1,2,3,4,-1\n', False), ('4,7,1,2,3,4,\n4,8,1,2,3,4,0\n', True),
+                        ('', True), ('4,7,1,2,3,4,-1\n', True)):
+        assert load_truth(write(tmp_path / 'c.csv', header + cells)).says_what_moves == says
 
 
 def test_written_truth_reads_back_exactly(tmp_path: Path) -> None:
