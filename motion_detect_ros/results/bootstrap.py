@@ -53,12 +53,12 @@ class Bootstrap:
         """
         shortest, whole = min(frames, default=0), MIN_BLOCKS * self.block_frames
         if shortest < whole:
-            return (f'{shortest} frames{" of the shortest clip" if len(frames) > 1 else ""} are few: under {whole} '
-                    'blocks are cut short, and the interval is narrower than it should be')
+            return (f'{shortest} frames{" of the shortest clip" if len(frames) > 1 else ""} are few: with under '
+                    f'{whole}, blocks are cut short, and the interval is narrower than it should be')
         clips = self.draws_clips and len(frames) > 1
         number = len(frames) if clips else sum(map(self.blocks, frames))
         return '' if number >= ENOUGH else (
-            f'{number} {"clips" if clips else "blocks"} are few: under {ENOUGH} the interval is a rough one')
+            f'{number} {"clips" if clips else "blocks"} are few: with under {ENOUGH} the interval is a rough one')
 
     def blocks(self, frames: int) -> int:
         """How many a clip of so many frames is cut into."""

@@ -186,7 +186,8 @@ class TestManyClipsAndRuns:
         assert lines[3].split() == ['a', '1.000', '1.000', '1.000', '10', '0', '0', '0.00']
         assert lines[5].split() == ['mean', '0.500', '0.500', '0.500', '0.00', '[0.000,', '1.000]']
         assert lines[7].startswith('[low, high]: 95% interval of F1 over 1000 draws')
-        assert lines[8].startswith('caution: 10 frames of the shortest clip are few: under 125 blocks are cut short')
+        assert lines[8].startswith(
+            'caution: 10 frames of the shortest clip are few: with under 125, blocks are cut short')
 
     def test_runs_side_by_side(self, runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
         words = ['evaluate', '--compare', str(runs / 'bad'), str(runs / 'good'), '--truth', str(runs / 'truth'),

@@ -51,7 +51,7 @@ def test_a_bad_start_is_improved_on_what_was_held_out(
     assert tune(flight, tmp_path, *words, '2') == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith(f'{tmp_path}: gain of +')
-    assert lines[1].startswith('caution: 10 frames are few: under 125 blocks are cut short')
+    assert lines[1].startswith('caution: 10 frames are few: with under 125, blocks are cut short')
     report = json.loads((tmp_path / 'tune.json').read_text())
     assert report['held_out']['start_f1'] == 0.0
     assert report['held_out']['candidate_f1'] > 0.9

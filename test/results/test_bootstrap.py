@@ -62,11 +62,11 @@ def test_a_seed_gives_the_same_interval_and_another_one_another() -> None:
 
 def test_few_frames_are_said() -> None:
     plan = Bootstrap(block_frames=20)
-    assert plan.caution([99]).startswith('99 frames are few: under 100 blocks are cut short')
-    assert plan.caution([900, 99]).startswith('99 frames of the shortest clip are few: under 100')
-    assert plan.caution([399]).startswith('19 blocks are few: under 20')
+    assert plan.caution([99]).startswith('99 frames are few: with under 100, blocks are cut short')
+    assert plan.caution([900, 99]).startswith('99 frames of the shortest clip are few: with under 100')
+    assert plan.caution([399]).startswith('19 blocks are few: with under 20')
     assert plan.caution([400]) == ''
-    assert plan.caution([400] * 19).startswith('19 clips are few: under 20')
+    assert plan.caution([400] * 19).startswith('19 clips are few: with under 20')
     assert plan.caution([100] * 20) == ''
     assert Bootstrap(block_frames=20, draws_clips=False).caution([100] * 4) == ''
 
