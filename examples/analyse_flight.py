@@ -22,7 +22,11 @@ import plotly.express as px
 
 from motion_detect_ros.__main__ import main
 
-# In a notebook, put your own paths here. An input is whatever `replay` takes: bag, video, folder of images.
+# In a notebook, put your own paths instead of these lines. An input is what `replay` takes: bag, video, image folder.
+if len(sys.argv) != 3:
+    print(f'analyse_flight: expected an input and a folder for the results, got {len(sys.argv) - 1} arguments',
+          file=sys.stderr)
+    sys.exit(2)
 bag, out = Path(sys.argv[1]), Path(sys.argv[2])
 
 # %% [markdown]

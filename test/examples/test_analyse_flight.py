@@ -42,6 +42,16 @@ def test_from_bag_to_plots(tmp_path: Path) -> None:
     assert 'src="http' not in page, 'it needs no network'
 
 
+@pytest.mark.parametrize('words', [[], ['flight.mcap'], ['flight.mcap', 'out', 'visdrone']])
+def test_takes_an_input_and_a_folder(words: list[str]) -> None:
+    for name in ('pandas', 'plotly'):
+        pytest.importorskip(name, reason=f'pip install {name}')
+    done = subprocess.run([sys.executable, EXAMPLES / 'analyse_flight.py', *words],
+                          capture_output=True, text=True, timeout=600, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (
+        2, '', f'analyse_flight: expected an input and a folder for the results, got {len(words)} arguments\n')
+
+
 def test_its_cells_are_those_of_a_notebook() -> None:
     text = (EXAMPLES / 'analyse_flight.py').read_text(encoding='utf-8')
     cells = [line for line in text.splitlines() if line.startswith('# %%')]
