@@ -31,7 +31,7 @@ UNDECIDED = 0.2
 def suggest(detections, width_px, horizon_s=3.0, look_ahead_s=1.0, corridor=0.5):
     """``go``, ``stop``, ``left`` or ``right``; detections: array of ``read_detections``, width_px: of the image."""
     half_px = corridor * width_px / 2
-    now_px = detections['u'] - (width_px - 1) / 2  # from the middle, to the right
+    now_px = detections['u'] - width_px / 2  # from the middle, to the right; u is 0 at the picture's left edge
     soon_px = now_px + look_ahead_s * detections['vel_u']
     meets = (np.minimum(now_px, soon_px) < half_px) & (np.maximum(now_px, soon_px) > -half_px)
     danger = meets & (detections['ttc'] < horizon_s)  # NaN (unknown) and inf (recedes) are no danger

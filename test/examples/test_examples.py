@@ -66,7 +66,7 @@ def test_every_example_is_run_here(name: str) -> None:
 
 @pytest.mark.messages
 class TestPlanner:
-    """The image is 960 px wide: its middle is 479.5, the corridor of half its width goes from 239.5 to 719.5."""
+    """The image is 960 px wide, from edge 0 to edge 960: its middle is 480, the corridor goes from 240 to 720."""
 
     @pytest.mark.parametrize(('objects', 'suggestion'), [
         ((), 'go'),
@@ -74,6 +74,10 @@ class TestPlanner:
         (({'u': 480, 'ttc': 5.0},), 'go'),
         (({'u': 480, 'ttc': math.nan},), 'go'),
         (({'u': 480, 'ttc': math.inf},), 'go'),
+        (({'u': 719.8, 'ttc': 1.0},), 'left'),
+        (({'u': 240.2, 'ttc': 1.0},), 'right'),
+        (({'u': 720.2, 'ttc': 1.0},), 'go'),
+        (({'u': 239.8, 'ttc': 1.0},), 'go'),
         (({'u': 900, 'ttc': 1.0},), 'go'),                                    # beside the corridor, and stays there
         (({'u': 900, 'vel_u': -300, 'ttc': 1.0},), 'left'),                   # will be at 600
         (({'u': 600, 'ttc': 1.0},), 'left'),
