@@ -104,6 +104,13 @@ def ids_listed(browser: Any) -> list[int]:
         "return [...document.querySelectorAll('#objects tbody tr')].map(row => Number(row.dataset.object))")
 
 
+def test_time_of_a_frame_stands_beside_the_time_until_the_next_one(report: Path):
+    """How fast the replay was it does not say: four frames were in work at once."""
+    text = report.read_text(encoding='utf-8')
+    assert '<b>14 ms</b><span>a frame, the next one comes after 100 ms</span>' in text
+    assert 'real time' not in text
+
+
 def test_page_plays_seeks_and_sorts_without_network(browser: Any, report: Path):
     open_page(browser, report)
     assert browser.find_element('tag name', 'h1').text == HOSTILE
