@@ -30,8 +30,7 @@ def check_libraries(names: Iterable[str] = NEEDED) -> None:
     """Raises: BackendError where one of the libraries is missing."""
     missing = [NEEDED[name] for name in names if importlib.util.find_spec(name) is None]
     if missing:
-        raise BackendError(f'expected {", ".join(missing)}, not installed: '
-                           "pip install 'motion_detect_ros[report]'")
+        raise BackendError(f'expected {", ".join(missing)}, not installed: pip install {" ".join(missing)}')
 
 
 def render(template: str, scripts: Iterable[str], late_scripts: Iterable[str] = (), **content: Any) -> str:

@@ -81,6 +81,5 @@ def _pyarrow() -> tuple[Any, Any]:
         import pyarrow
         import pyarrow.parquet
     except ImportError:
-        raise BackendError('format parquet: expected the package pyarrow; pip install "motion_detect_ros[parquet]"'
-                           ) from None
+        raise BackendError('format parquet: expected the package pyarrow; pip install pyarrow') from None
     return pyarrow, pyarrow.parquet

@@ -59,8 +59,7 @@ def parse_formats(text: str) -> tuple[str, ...]:
         raise SourceError(f'--formats: expected some of {",".join(FORMATS)}, got {",".join(unknown) or "nothing"}')
     for name, package in ((name, FORMATS[name].package) for name in FORMATS if name in wanted):
         if package and importlib.util.find_spec(package) is None:
-            raise BackendError(f'--formats {name}: expected the package {package}; '
-                               f'pip install "motion_detect_ros[{name}]"')
+            raise BackendError(f'--formats {name}: expected the package {package}; pip install {package}')
     return tuple(name for name in FORMATS if name in wanted)
 
 

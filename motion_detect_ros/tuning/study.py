@@ -123,6 +123,6 @@ def _optuna() -> Any:
     try:
         import optuna
     except ImportError as error:
-        raise BackendError(f"tune needs optuna ({error}): pip install 'motion_detect_ros[tune]'") from None
+        raise BackendError(f'tune needs optuna ({error}): pip install optuna') from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     return optuna

@@ -44,7 +44,7 @@ def test_missing_library_costs_the_report_only(
     printed = capsys.readouterr()
     (line,) = [line for line in printed.err.splitlines() if 'report' in line]
     assert line.startswith('no report.html: expected ')
-    assert line.endswith("no-such-library, not installed: pip install 'motion_detect_ros[report]'")
+    assert line.partition(', not installed: pip install ')[2].split()[-1] == 'no-such-library'
     assert ': 25 frames' in printed.out, 'a second of 25 frames'
     assert not (tmp_path / 'out' / 'report.html').exists()
 

@@ -57,7 +57,7 @@ def run_on_cluster(
     try:
         import distributed
     except ModuleNotFoundError as error:
-        raise BackendError(f"--scheduler: expected dask.distributed (pip install 'motion_detect_ros[cluster]'), "
+        raise BackendError('--scheduler: expected dask.distributed (pip install distributed), '
                            f'but {error.name} is missing') from None
     cluster: Any = distributed  # half annotated
     with _lease(output) as lease, _connect(cluster, scheduler) as client:

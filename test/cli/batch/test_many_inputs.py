@@ -243,15 +243,14 @@ def test_what_is_no_dask_is_given_up(
         'wrote: what answers there is no Dask\n')
 
 
-def test_without_dask_the_extra_is_named(
+def test_without_dask_its_package_is_named(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ):
     monkeypatch.setitem(sys.modules, 'distributed', None)
     words = ['replay', '--no-report', str(folder), '-o', str(tmp_path / 'out'), '--scheduler', 'tcp://127.0.0.1:8786']
     assert main(words) == 2
     assert capsys.readouterr().err == (
-        "error: --scheduler: expected dask.distributed (pip install 'motion_detect_ros[cluster]'), but distributed is "
-        'missing\n')
+        'error: --scheduler: expected dask.distributed (pip install distributed), but distributed is missing\n')
 
 
 def stand_in() -> SimpleNamespace:
