@@ -36,7 +36,9 @@ def read_calibration(path: Path) -> CalibrationFile:
     """Raises: SourceError, one line, for a file that is missing, unreadable or lacks something."""
     try:
         content = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:  # ValueError: no UTF-8, no such date
+    except OSError as error:
+        raise SourceError(f'{path}: expected a calibration, got {error.strerror}') from None
+    except (ValueError, RecursionError, yaml.YAMLError) as error:  # ValueError: no UTF-8, no such date
         raise SourceError(f'{path}: expected a calibration, got {one_line(error)}') from None
     if not isinstance(content, Mapping):
         raise SourceError(f'{path}: expected a calibration (image_width, camera_matrix, ...)')
@@ -45,7 +47,9 @@ def read_calibration(path: Path) -> CalibrationFile:
         lens = _values(path, content, 'distortion_coefficients')
         return CalibrationFile(_pixels(path, content, 'image_width'), _pixels(path, content, 'image_height'),
                                str(content.get('distortion_model', 'plumb_bob')), lens, k, r, p)
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
+    except KeyError as error:
+        raise SourceError(f'{path}: expected a calibration with {error.args[0]}, which is missing') from None
+    except (TypeError, ValueError, OverflowError) as error:
         raise SourceError(f'{path}: expected a calibration, {type(error).__name__}: {error}') from None
 
 

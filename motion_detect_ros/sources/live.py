@@ -81,7 +81,12 @@ class LiveFrames:
 
     def _open(self) -> cv2.VideoCapture:
         number = camera_number(self.source)
-        return open_capture(self.source if number is None else number, TIMEOUT_MS, OPEN_TIMEOUT_MS)
+        if number is None:
+            return open_capture(self.source, TIMEOUT_MS, OPEN_TIMEOUT_MS)
+        try:
+            return open_capture(number, TIMEOUT_MS, OPEN_TIMEOUT_MS)
+        except SourceError:  # by the name that was given, which may be that of its device
+            raise SourceError(f'{self.source}: cannot be opened as a camera') from None
 
     def _refuse_recording(self, capture: cv2.VideoCapture) -> None:
         """A file on a web server comes as fast as it can, and again and again."""

@@ -34,7 +34,7 @@ def pictures(tmp_path: Path) -> str:
 
 def test_a_device_is_a_camera_and_no_file() -> None:
     assert not Path('/dev/video987').exists()
-    with pytest.raises(SourceError, match='^987: cannot be opened as a camera$'):
+    with pytest.raises(SourceError, match='^/dev/video987: cannot be opened as a camera$'):
         Capture('/dev/video987')
     with pytest.raises(SourceError, match='^/dev/null: expected a file or folder, got a device; '):
         Capture('/dev/null')
