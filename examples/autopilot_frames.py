@@ -100,8 +100,10 @@ class AutopilotFrames(Node):
 
     def on_detections(self, msg):
         """One image, in both frames."""
-        detections = read_detections(msg)
-        detections = detections[np.isfinite(detections['bearing_z'])]
+        everything = read_detections(msg)
+        detections = everything[np.isfinite(everything['bearing_z'])]
+        if len(detections) < len(everything):
+            self.get_logger().warning('no bearings: camera_info is missing or all zero', throttle_duration_sec=5.0)
         frd = optical_to_frd(np.stack([detections[f'bearing_{axis}'] for axis in 'xyz'], axis=-1),
                              self.camera_pitch_deg)
         self.scans.publish(LaserScan(

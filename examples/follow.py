@@ -58,7 +58,10 @@ class Follower(Node):
         found = self.target.update(read_detections(msg), msg.header.stamp.sec + 1e-9 * msg.header.stamp.nanosec)
         self.targets.publish(records_to_msg(found, msg.header))
         command = TwistStamped(header=Header(stamp=msg.header.stamp, frame_id='base_link'))
-        for one in found[np.isfinite(found['bearing_z'])]:
+        known = found[np.isfinite(found['bearing_z'])]
+        if len(known) < len(found):
+            self.get_logger().warning('no bearings: camera_info is missing or all zero', throttle_duration_sec=5.0)
+        for one in known:
             command.twist.angular.z = -self.gain * math.atan2(one['bearing_x'], one['bearing_z'])
             command.twist.linear.z = -self.gain * math.asin(max(-1.0, min(1.0, one['bearing_y'])))
         self.commands.publish(command)

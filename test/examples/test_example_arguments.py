@@ -15,10 +15,13 @@ from flights import EXAMPLES
 from peers import TIMEOUT_S, Peer, picture
 from rcl_interfaces.srv import GetParameters
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
 
+from motion_detect_ros.bridge.records import detections_to_msg
 from motion_detect_ros.bridge.transport import environment
 from motion_detect_ros.cli.demo import FLIGHT_BAG
 from motion_detect_ros.cli.domains import own_domain
+from motion_detect_ros.core.types import empty_detections
 from motion_detect_ros.sources.bags import BagWriter
 
 WHOLE = {
@@ -76,6 +79,27 @@ def test_whole_numbers_are_taken(peer: Peer) -> None:
     finally:
         for process in processes.values():
             process.kill()
+
+
+@pytest.mark.parametrize('name', ['follow', 'bearings_to_points', 'autopilot_frames'])
+def test_without_a_calibration_the_missing_bearings_are_told(name: str, peer: Peer, tmp_path: Path) -> None:
+    log = tmp_path / 'log'
+    with log.open('wb') as stream:
+        process = subprocess.Popen([sys.executable, EXAMPLES / f'{name}.py'], env=variables(), stderr=stream)
+    try:
+        detections = peer.advertise(PointCloud2, 'detections')
+        assert peer.matched('detections', 1)
+
+        def told() -> bool:
+            detections.publish(detections_to_msg(empty_detections(1), Header()))
+            peer.rest(0.1)
+            return 'no bearings: camera_info is missing or all zero' in log.read_text()
+
+        assert peer.until(told)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(TIMEOUT_S) == 0
+    finally:
+        process.kill()
 
 
 @pytest.mark.parametrize(('name', 'given'), [(name, each) for name, given in REFUSED.items() for each in given])
