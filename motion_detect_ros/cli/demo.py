@@ -14,7 +14,7 @@ from time import perf_counter
 import numpy as np
 
 from motion_detect_ros.cli.compiled_kernels import compile_missing
-from motion_detect_ros.cli.demo_files import RECORD_NAME, begin, note
+from motion_detect_ros.cli.demo_files import RECORD_NAME, VIDEO, begin, note
 from motion_detect_ros.cli.demo_pictures import write_pictures
 from motion_detect_ros.cli.demo_table import Run, table
 from motion_detect_ros.cli.domains import own_domain
@@ -32,7 +32,7 @@ OK, NOTHING, PARTIAL = 0, 1, 3
 
 FLIGHT_BAG, TRUTH_CSV = 'flight.mcap', 'flight.truth.csv'
 DETECTIONS_BAG, DETECTIONS_CSV = 'detections.mcap', 'detections.csv'
-VIDEO, SHEET = 'demo.mp4', 'contact_sheet.png'
+SHEET = 'contact_sheet.png'
 NAMES = FLIGHT_BAG, TRUTH_CSV, DETECTIONS_BAG, DETECTIONS_CSV, VIDEO, SHEET
 
 #: A shorter flight has nothing to count: the first ten frames are left out.

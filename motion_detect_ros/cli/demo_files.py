@@ -12,6 +12,8 @@ from motion_detect_ros.sources.part_file import part_of
 
 #: Name, size (bytes) and time of each file that it wrote.
 RECORD_NAME = 'demo.json'
+#: Its film, with what was found in it.
+VIDEO = 'demo.mp4'
 
 
 def begin(folder: Path, names: Sequence[str]) -> None:

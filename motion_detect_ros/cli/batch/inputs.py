@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from motion_detect_ros.cli.demo_files import RECORD_NAME, VIDEO
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.results.files import BAG_NAME, SUMMARY_NAME
 from motion_detect_ros.sources.bag_reader import BAG_SUFFIXES
@@ -135,9 +136,12 @@ def _skipped(searched: Path, output: Path) -> Path | None:
 
 
 def _is_result(file: Path) -> bool:
-    """Whether a replay wrote this bag, or a search this data base; the folder around it may hold inputs too."""
+    """Whether a replay or demo wrote this bag, a demo this film, or a search this data base; the folder around it may
+    hold inputs too.
+    """
+    bag, of_demo = file.name in (BAG_NAME, part_of(Path(BAG_NAME)).name), file.with_name(RECORD_NAME).is_file()
     return file.name == STORAGE_NAME or (
-        file.name in (BAG_NAME, part_of(Path(BAG_NAME)).name) and file.with_name(SUMMARY_NAME).is_file())
+        bag and (of_demo or file.with_name(SUMMARY_NAME).is_file())) or (file.name == VIDEO and of_demo)
 
 
 def _distinct(paths: Iterable[Path]) -> list[Path]:

@@ -207,3 +207,12 @@ def test_a_folder_that_cannot_be_read_is_listed_with_its_error(
     assert sorted(expanded(tree, 'flights')[0]) == sorted([*expected, 'flights/closed'])
     assert main(['replay', str(tree / 'flights' / 'closed'), '-o', str(tree / 'out')]) == 2
     assert capsys.readouterr().err == f'error: {tree}/flights/closed: cannot be read: Permission denied\n'
+
+
+def test_the_flight_of_a_demo_is_an_input_and_what_was_found_in_it_is_none(tmp_path: Path) -> None:
+    touch(tmp_path, *(f'demo/{name}' for name in ('flight.mcap', 'detections.mcap', 'demo.mp4', 'demo.json')),
+          'mine/demo.mp4', 'mine/detections.mcap')
+    for word in (str(tmp_path), f'{tmp_path}/*/*'):
+        paths = expand_inputs([word], tmp_path / 'out').paths
+        assert [str(Path(path).relative_to(tmp_path)) for path in paths] == [
+            'demo/flight.mcap', 'mine/demo.mp4', 'mine/detections.mcap']
