@@ -26,6 +26,8 @@ RECENT_S = 3.0
 BLIND_WARN_S, BLIND_ERROR_S = 2.0, 5.0
 #: Key of how many subscriptions a publisher of the node has found, with the topic's name behind it.
 SUBSCRIBERS_OF = 'subscribers of '
+#: Keys of what a node has counted since its start.
+COUNTERS = 'received', 'processed', 'dropped', 'errors'
 
 
 @dataclass(frozen=True)

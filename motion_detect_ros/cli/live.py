@@ -11,8 +11,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -24,6 +24,7 @@ from motion_detect_ros.bridge.qos import CLOCK_DEPTH
 from motion_detect_ros.bridge.serialized import header_stamp_ns
 from motion_detect_ros.bridge.transport import environment
 from motion_detect_ros.cli.domains import lock_of, own_domain
+from motion_detect_ros.cli.holding import Holding
 from motion_detect_ros.cli.interrupts import held_back
 from motion_detect_ros.cli.planner import Planner, Received
 from motion_detect_ros.core.errors import MessageError, SourceError
@@ -41,16 +42,20 @@ POLL_S = 0.05
 #: What the nodes listen to.
 IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_TOPIC, IMU_TOPIC = 'image_raw', 'image_raw/compressed', 'camera_info', 'imu'
 #: What goes from one process to another for each image.
-IMAGE_BY_IMAGE = (IMAGE_TOPIC, CAMERA_TOPIC, 'ego_motion', 'flow', 'detections')
+IMAGE_BY_IMAGE = (IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_TOPIC, 'ego_motion', 'flow', 'detections')
 
 
 @dataclass(frozen=True)
 class Playback:
-    """What a planner heard while a bag was played; ``published``: images the player published."""
+    """What a planner heard while a bag was played; ``published``: images the player published; ``held_s``: how long it
+    waited for the stages; ``processed``: images by stage, as the stages have last said.
+    """
 
     received: tuple[Received, ...]
     published: int
     seconds: float
+    held_s: float = 0.0
+    processed: Mapping[str, int] = field(default_factory=dict)
 
 
 class LiveGraph:
@@ -111,14 +116,16 @@ class LiveGraph:
 
     def play(
         self, bag: Path, images: int, rate: float = 1.0, topics: Mapping[str, str] | None = None,
+        wanted: Collection[int] | None = None, hold: bool = False,
     ) -> Playback:
         """Plays a bag through the nodes and gives what the planner heard, sorted by stamp.
 
         images: how many of those in the bag the nodes are to answer, which may leave some out; topics: what to play,
-        and under which name; None = everything under its own.
+        and under which name; None = everything under its own; wanted: stamps of the images to be answered, None = all;
+        hold: the player waits where the stages are behind.
         """
         played = topics or {topic: topic.lstrip('/') for topic in _topics(bag)}
-        self.planner.expect(_clock_of_images(bag, played, self._image_topic))
+        self.planner.expect(_clock_of_images(bag, played, self._image_topic), wanted)
         player = ['-p', text_parameter('bag', str(bag)), '-p', f'rate:={float(rate)}',
                   '-p', f'wait_for_subscribers:={len(self._nodes)}']
         player += self._further
@@ -126,23 +133,30 @@ class LiveGraph:
             player += ['-p', text_parameter('topics', ','.join(topics))]
         for recorded, name in (topics or {}).items():
             player += ['-r', f'{recorded.lstrip("/")}:={name}']
-        start = time.monotonic()
+        start, holding = time.monotonic(), Holding(self.planner) if hold else None
         process = self._spawn('bag_player', player)
         try:
-            self._await_end(process, images)
+            self._await_end(process, images, holding)
+            if holding:
+                holding.release()
         except BaseException:  # Ctrl-C, maybe for this process only: nobody hears the rest
             process.send_signal(signal.SIGINT)
             raise
         finally:
             _end(process)
-        return Playback(self.heard, self.planner.published, time.monotonic() - start)
+        return Playback(self.heard, self.planner.published, time.monotonic() - start,
+                        holding.held_s if holding else 0.0, self._processed())
+
+    def _processed(self) -> dict[str, int]:
+        counts = {node: self.planner.counter(f'/{node}', 'processed') for node in self._nodes}
+        return {node: count for node, count in counts.items() if count is not None}
 
     @property
     def heard(self) -> tuple[Received, ...]:
         """What the planner has heard of the bag so far, sorted by stamp."""
         return tuple(sorted(self.planner.received, key=lambda message: message.stamp_ns))
 
-    def _await_end(self, process: subprocess.Popen[bytes], images: int) -> None:
+    def _await_end(self, process: subprocess.Popen[bytes], images: int, holding: Holding | None) -> None:
         """Until all answers are there, or none has come for a while after the last image was published."""
         count, changed = 0, time.monotonic()
         while count < images and time.monotonic() - changed < IDLE_TIMEOUT_S:
@@ -150,7 +164,9 @@ class LiveGraph:
             if process.poll() not in (None, 0):
                 raise SourceError(f'bag_player: ended with {process.poll()}: {self.output("bag_player").strip()}')
             self.planner.wait_for(count + 1, POLL_S)
-            news = len(self.planner.received)
+            if holding:
+                holding.look()
+            news = self.planner.answers
             if news > count or (process.poll() is None and self.planner.published < self.planner.expected):
                 count, changed = news, time.monotonic()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +18,8 @@ from motion_detect_ros.cli.live import (
     IMAGE_TOPIC,
     IMU_TOPIC,
     LiveGraph,
+    Playback,
+    queues,
     spread,
 )
 from motion_detect_ros.cli.planner import Received
@@ -26,6 +28,7 @@ from motion_detect_ros.core.errors import MessageError, MotionDetectError, Sourc
 from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.core.stamp_order import StampOrder
+from motion_detect_ros.presets import node_parameters
 from motion_detect_ros.results.detection_writer import FrameDetections
 from motion_detect_ros.results.files import BAG_NAME, CSV_NAME, SUMMARY_NAME
 from motion_detect_ros.results.formats import clear
@@ -36,19 +39,23 @@ from motion_detect_ros.sources.bags import BagFrames, BagReader, is_bag
 from motion_detect_ros.sources.messages import COMPRESSED_IMAGE
 from motion_detect_ros.sources.raw import LOST, TopicInfo
 
+#: So many images may wait in each node: what is still played until the player has heard that it shall wait.
+QUEUE_SIZE = 100
+
 
 @dataclass(frozen=True)
 class Recorded:
     """An image topic of a bag.
 
-    ``images``: that were recorded; ``usable``: those that can be played, and whose stamps are in order, else the nodes
-    leave them out; ``frame_of``: stamp, ns -> number of the image in the bag, as one without an answer must not shift
-    those after it; ``damaged``: what is wrong with the bag.
+    ``images``: that were recorded; ``stamps_ns``: of those that can be played, and whose stamps are in order, else the
+    nodes leave them out; ``unstamped``: that are too short for a stamp; ``frame_of``: stamp, ns -> number of the image
+    in the bag, as one without an answer must not shift those after it; ``damaged``: what is wrong with the bag.
     """
 
     images: int
-    usable: int
+    stamps_ns: Sequence[int]
     frame_of: Mapping[int, int]
+    unstamped: int = 0
     damaged: str | None = None
 
 
@@ -68,6 +75,9 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
     """Play a bag at ``rate`` times its speed; images that ``load.decimation_keep`` leaves out, or whose stamps are
     not in order, are not asked for an answer. preset: what the settings of the job were read from.
 
+    Where the stages are behind the player waits for them, so that every image is answered: unless the settings say
+    how many may wait, or have ``load.adapt``.
+
     Writes the same detections.csv and detections.mcap as the replay in process; summary.json holds counts and
     latencies from image to detections. Raises: SourceError for an input that is no bag, or none with such images, and
     where a node does not start; UnfinishedError where one ends later, and KeyboardInterrupt, after what was answered
@@ -84,12 +94,16 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
     if job.config.imu.use and frames.imu_topic:
         topics[frames.imu_topic] = IMU_TOPIC
     given = ('rectified:=true',) if job.rectified else ()
+    waits = not job.config.load.adapt and not any(map(_sets_queues, node_parameters(preset)))
+    wanted = wanted_of(job.config, recorded.stamps_ns)
     heard: tuple[Received, ...] = ()
+    playback: Playback | None = None
     stopped: BaseException | None = None
     try:
-        with LiveGraph(preset, parameters=given, compressed=compressed) as graph:
+        with LiveGraph(preset, parameters=(*given, *queues(QUEUE_SIZE)) if waits else given,
+                       compressed=compressed) as graph:
             try:
-                graph.play(bag.resolve(), wanted_of(job.config, recorded.usable), rate, topics)
+                playback = graph.play(bag.resolve(), len(wanted) + recorded.unstamped, rate, topics, wanted, waits)
             finally:
                 heard = graph.heard
     except KeyboardInterrupt:
@@ -100,7 +114,7 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
         if not heard:
             raise
         stopped = UnfinishedError(f'{error}; {len(heard)} answers are kept in the .part files')
-    summary = live_summary(job, input_bytes, recorded, heard)
+    summary = live_summary(job, input_bytes, recorded, heard, playback)
     _write(job, summary, recorded.frame_of, heard, stopped)
     return summary
 
@@ -129,10 +143,15 @@ def _write(
         raise
 
 
-def wanted_of(config: PipelineConfig, images: int) -> int:
-    """How many of so many images, whose stamps nodes take, are to be answered."""
+def wanted_of(config: PipelineConfig, stamps_ns: Iterable[int]) -> frozenset[int]:
+    """Which images, of those whose stamps the nodes take, are to be answered."""
     decimation = FrameDecimation(config.load.decimation_keep, config.load.decimation_of)
-    return sum(decimation.keep_next() for _ in range(images))
+    return frozenset(stamp_ns for stamp_ns in stamps_ns if decimation.keep_next())
+
+
+def _sets_queues(parameter: str) -> bool:
+    """Whether the user says by it how many images may wait: more are then left out, as from a camera."""
+    return parameter == 'queue_size' or parameter.startswith('qos_overrides.')
 
 
 def read_through(bag: Path, topic: TopicInfo) -> Recorded:
@@ -140,7 +159,7 @@ def read_through(bag: Path, topic: TopicInfo) -> Recorded:
 
     Raises: SourceError where not one image can be read, or none has a stamp that nodes take.
     """
-    readable, usable, order, frame_of = 0, 0, StampOrder(), dict[int, int]()
+    readable, unstamped, order, stamps_ns, frame_of = 0, 0, StampOrder(), list[int](), dict[int, int]()
     with BagReader(bag) as reader:
         for number, message in enumerate(filter(topic.holds, reader.messages([topic.name]))):
             if message.data == LOST:
@@ -149,27 +168,47 @@ def read_through(bag: Path, topic: TopicInfo) -> Recorded:
             try:
                 stamp_ns = header_stamp_ns(message.data)
             except MessageError:
-                usable += 1  # nobody can say: it gets no answer, and shall be missed
+                unstamped += 1  # it gets no answer, and shall be missed
                 continue
-            usable += order.judge(stamp_ns).usable
+            if order.judge(stamp_ns).usable:
+                stamps_ns.append(stamp_ns)
             frame_of.setdefault(stamp_ns, number)
-        if not usable:
+        if not stamps_ns and not unstamped:
             fault = 'whose stamp can be used' if readable else 'that can be read'
             raise SourceError(f'{bag}: expected images on {topic.name}, found none {fault}'
                               + (f'; {reader.damaged}' if reader.damaged else ''))
-        return Recorded(topic.count, usable, frame_of, reader.damaged)
+        return Recorded(topic.count, stamps_ns, frame_of, unstamped, reader.damaged)
 
 
-def live_summary(job: Job, input_bytes: int | None, recorded: Recorded, heard: Sequence[Received]) -> LiveSummary:
-    """What came of a bag. heard: its answers."""
+def live_summary(
+    job: Job, input_bytes: int | None, recorded: Recorded, heard: Sequence[Received], playback: Playback | None = None,
+) -> LiveSummary:
+    """What came of a bag. heard: its answers; playback: None where it was stopped."""
     latencies = spread([message.latency_ms for message in heard])
     detections = [message.records for message in heard]
+    wanted = len(wanted_of(job.config, recorded.stamps_ns)) + recorded.unstamped
     return LiveSummary(
         input=job.path, input_bytes=input_bytes, topic=job.topic, rectified=job.rectified,
         version=motion_detect_ros.__version__, damaged=recorded.damaged, frames=recorded.images,
-        source_frames=recorded.images, wanted=wanted_of(job.config, recorded.usable), answered=len(heard),
+        source_frames=recorded.images, wanted=wanted, answered=len(heard),
+        left_out=left_out_by(playback.processed, wanted, len(heard)) if playback else {},
+        held_s=round(playback.held_s, 3) if playback else 0.0,
         detections=sum(len(records) for records in detections),
         objects=len({int(number) for records in detections for number in records['id']}),
         latency_ms={name: round(value, 3) if math.isfinite(value) else None  # JSON has no NaN
                     for name, value in zip(LATENCIES, latencies, strict=True)},
         settings={name: value for name, value, _ in settings(job.config)})
+
+
+def left_out_by(processed: Mapping[str, int], wanted: int, answered: int) -> dict[str, int]:
+    """Which nodes left out how many of the images that were wanted and not answered.
+
+    processed: what each node answered, in the order of the graph; what none of them lacks was lost after the last.
+    """
+    found, left = dict[str, int](), wanted
+    for node, count in (*processed.items(), ('transport', answered)):
+        reached = max(answered, min(left, count))
+        if reached < left:
+            found[node] = left - reached
+        left = reached
+    return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,9 +12,10 @@ import rclpy
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
-from motion_detect_ros.bridge.diagnostics import SUBSCRIBERS_OF
+from motion_detect_ros.bridge.diagnostics import COUNTERS, SUBSCRIBERS_OF
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.topics import CLOCK, DETECTIONS, DIAGNOSTICS
+from motion_detect_ros.bridge.trigger import TriggerClient
 from motion_detect_ros.core.types import RecordArray
 
 
@@ -48,6 +49,12 @@ class Planner:
         self._shown_ns: dict[int, int] = {}
         self._received: list[Received] = []
         self._found: dict[str, dict[str, int]] = {}
+        self._counters: dict[str, dict[str, int]] = {}
+        self._place_at: dict[int, int] = {}
+        self._place_of: dict[int, int] = {}
+        self._shown = self._answered = 0
+        #: Called after each tick of the clock and each answer, in the planner's thread.
+        self.watch: Callable[[], None] = lambda: None
         self._thread = threading.Thread(target=self._spin, name='planner', daemon=True)
 
     def __enter__(self) -> Planner:
@@ -67,6 +74,18 @@ class Planner:
             return list(self._received)
 
     @property
+    def answers(self) -> int:
+        """How many have come so far."""
+        with self._changed:
+            return len(self._received)
+
+    @property
+    def backlog(self) -> int:
+        """Images that the player has published after the latest one with an answer, of those that are to get one."""
+        with self._changed:
+            return max(0, self._shown - self._answered)
+
+    @property
     def published(self) -> int:
         """Expected images that the player has published, or is about to."""
         with self._changed:
@@ -78,17 +97,33 @@ class Planner:
         with self._changed:
             return len(self._clock_of)
 
-    def expect(self, clock_of: Mapping[int, int]) -> None:
-        """Forget what was received and get ready for other images: stamp -> what ``/clock`` shows before it, ns."""
+    def expect(self, clock_of: Mapping[int, int], wanted: Collection[int] | None = None) -> None:
+        """Forget what was received and get ready for other images: stamp -> what ``/clock`` shows before it, ns.
+
+        wanted: stamps of those that are to be answered, None for all.
+        """
         with self._changed:
             self._received.clear()
             self._shown_ns.clear()
             self._clock_of = dict(clock_of)
+            asked = [stamp for stamp in clock_of if wanted is None or stamp in wanted]
+            self._place_of = {stamp: place for place, stamp in enumerate(asked, 1)}
+            self._place_at = {clock_of[stamp]: place for stamp, place in self._place_of.items()}
+            self._shown = self._answered = 0
 
     def wait_for(self, count: int, timeout_s: float) -> bool:
         """True once ``count`` messages are there, False where they do not come in time."""
         with self._changed:
             return self._changed.wait_for(lambda: len(self._received) >= count, timeout_s)
+
+    def service(self, name: str) -> TriggerClient:
+        """A service of another node, by its full name; its answers come while the planner listens."""
+        return TriggerClient(self._node, name)
+
+    def counter(self, node: str, name: str) -> int | None:
+        """What a node has last said in diagnostics that it has counted; None before it has."""
+        with self._changed:
+            return self._counters.get(node, {}).get(name)
 
     def subscribers_of(self, topic: str) -> int:
         """Subscriptions that the graph shows on a topic."""
@@ -112,14 +147,18 @@ class Planner:
 
     def _on_clock(self, msg: Any) -> None:
         with self._changed:
-            self._shown_ns[CLOCK.from_msg(msg)] = time.monotonic_ns()
+            clock_ns = CLOCK.from_msg(msg)
+            self._shown_ns[clock_ns] = time.monotonic_ns()
+            self._shown = max(self._shown, self._place_at.get(clock_ns, 0))
+        self.watch()
 
     def _on_diagnostics(self, msg: Any) -> None:
-        found = {status.name: {pair.key.removeprefix(SUBSCRIBERS_OF): int(pair.value)
-                               for pair in status.values if pair.key.startswith(SUBSCRIBERS_OF)}
-                 for status in msg.status}
+        values = {status.name: {pair.key: pair.value for pair in status.values} for status in msg.status}
         with self._changed:
-            self._found.update(found)
+            for node, said in values.items():
+                self._found[node] = {key.removeprefix(SUBSCRIBERS_OF): int(value) for key, value in said.items()
+                                     if key.startswith(SUBSCRIBERS_OF)}
+                self._counters[node] = {key: int(said[key]) for key in COUNTERS if key in said}
 
     def _on_detections(self, msg: Any) -> None:
         now_ns, stamp = time.monotonic_ns(), stamp_ns(msg.header)
@@ -129,4 +168,6 @@ class Planner:
             shown_ns = None if clock_ns is None else self._shown_ns.get(clock_ns)
             latency_ms = (now_ns - shown_ns) / 1e6 if shown_ns is not None else float('nan')
             self._received.append(Received(stamp, records, latency_ms))
+            self._answered = max(self._answered, self._place_of.get(stamp, 0))
             self._changed.notify_all()
+        self.watch()

@@ -13,6 +13,8 @@ from motion_detect_ros.results.files import SUMMARY_NAME, write_whole
 from motion_detect_ros.results.summary import Summary, known_fields, read_as, read_summary
 
 LATENCIES = 'p50', 'p95', 'p99'
+#: The player is not said to have waited where that is less, seconds.
+SHOWN_S = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +23,9 @@ class LiveSummary:
 
     ``damaged``: what is wrong with the bag; ``frames``: images of the bag; ``wanted``: those of them that were to be
     answered, without those that decimation leaves out or whose stamps are not in order, None for all; ``answered``:
-    those that were; ``latency_ms``: from image to detections, None without answers.
+    those that were; ``left_out``: how many of the others by which node, or ``transport``, in playbacks that came to
+    their end; ``held_s``: how long the player waited for the nodes, seconds; ``latency_ms``: from image to detections,
+    None without answers.
     """
 
     input: str
@@ -35,6 +39,8 @@ class LiveSummary:
     source_frames: int
     wanted: int | None = None
     answered: int
+    left_out: dict[str, int] = field(default_factory=dict)
+    held_s: float = 0.0
     detections: int
     objects: int
     latency_ms: dict[str, float | None]
@@ -50,15 +56,19 @@ class LiveSummary:
         """It in a few words, for the user."""
         median, p95 = (self.latency_ms[name] for name in LATENCIES[:2])
         latency = '' if median is None else f', latency {median:.0f} ms median, {p95:.0f} ms p95'
+        by_node = ', '.join(f'{count} by {node}' for node, count in self.left_out.items())
+        left_out = f', {sum(self.left_out.values())} left out ({by_node})' if by_node else ''
+        held = f', held back for {self.held_s:.1f} s' if self.held_s >= SHOWN_S else ''
         damage = f'; {self.damaged}' if self.damaged else ''
-        return f'{self.frames} images, {self.answered} answers{latency}{damage}'
+        return f'{self.frames} images, {self.answered} answers{left_out}{latency}{held}{damage}'
 
 
 _TYPES: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(('input', 'version'), (str,)), **dict.fromkeys(('topic', 'damaged'), (str, NoneType)),
     **dict.fromkeys(('live', 'rectified'), (bool,)),
     **dict.fromkeys(('frames', 'source_frames', 'answered', 'detections', 'objects'), (int,)),
-    **dict.fromkeys(('input_bytes', 'wanted'), (int, NoneType)), **dict.fromkeys(('latency_ms', 'settings'), (dict,))}
+    **dict.fromkeys(('input_bytes', 'wanted'), (int, NoneType)),
+    **dict.fromkeys(('latency_ms', 'left_out', 'settings'), (dict,)), 'held_s': (int, float)}
 
 
 def write_live_summary(folder: Path, summary: LiveSummary) -> None:

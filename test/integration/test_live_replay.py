@@ -383,3 +383,45 @@ def test_an_interrupt_while_the_nodes_start_writes_nothing_and_says_so(
     assert_nobody_left(running.pid)
     assert not (tmp_path / 'out').exists()
     assert not [path for path in tmp_path.iterdir() if path.is_dir()]
+
+
+def test_all_images_are_answered_however_fast_they_are_played(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """Two hundred images a second are more than the stages can do on any machine this runs on: the player waits."""
+    write_scene(tmp_path / 'a.mcap', 300)
+    words = ['replay', str(tmp_path / 'a.mcap'), '--no-report', '-o']
+    assert main([*words, str(tmp_path / 'live'), '--live', '--rate', '20']) == 0, capsys.readouterr().out
+    summary = json.loads((tmp_path / 'live' / 'summary.json').read_text())
+    assert (summary['wanted'], summary['answered'], summary['left_out']) == (300, 300, {})
+    assert summary['held_s'] > 0.0
+    assert f', held back for {summary["held_s"]:.1f} s' in capsys.readouterr().out
+    assert main([*words, str(tmp_path / 'offline')]) == 0
+    assert rows(tmp_path / 'live') == rows(tmp_path / 'offline')
+
+
+def test_compressed_images_are_all_answered_too(tmp_path: Path):
+    with BagWriter(tmp_path / 'a.mcap') as bag:
+        for index in range(200):
+            stamp_ns = (index + 1) * PERIOD_NS
+            bag.write_raw('/camera/image_raw/compressed', COMPRESSED_IMAGE, png(index % 40, stamp_ns), stamp_ns)
+    assert main(['replay', str(tmp_path / 'a.mcap'), '--live', '--rate', '20', '-o', str(tmp_path / 'live')]) == 0
+    assert json.loads((tmp_path / 'live' / 'summary.json').read_text())['answered'] == 200
+
+
+def test_short_queues_of_the_settings_lose_images_which_are_told_by_stage(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+):
+    """As with a camera, which waits for nobody."""
+    monkeypatch.setattr('motion_detect_ros.cli.live.IDLE_TIMEOUT_S', 6.0)
+    write_scene(tmp_path / 'a.mcap', 100)
+    (tmp_path / 'short.yaml').write_text(yaml.safe_dump({'/**': {'ros__parameters': {'queue_size': 1}}}))
+    assert main(['replay', str(tmp_path / 'a.mcap'), '--config', str(tmp_path / 'short.yaml'), '--live', '--rate', '20',
+                 '-o', str(tmp_path / 'live')]) == 3
+    summary = json.loads((tmp_path / 'live' / 'summary.json').read_text())
+    assert summary['held_s'] == 0.0
+    left_out = summary['left_out']
+    assert sum(left_out.values()) == 100 - summary['answered'] > 0
+    assert left_out['ego_motion'] > 0
+    assert set(left_out) <= {'ego_motion', 'optical_flow', 'art2_clustering', 'transport'}
+    told = ', '.join(f'{count} by {stage}' for stage, count in left_out.items())
+    assert f'100 images, {summary["answered"]} answers, {sum(left_out.values())} left out ({told})' in (
+        capsys.readouterr().out)

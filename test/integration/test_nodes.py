@@ -220,17 +220,33 @@ def test_the_demo_waits_for_a_stage_that_gets_no_processor(tmp_path: Path, stage
     assert [m.stamp_ns // PERIOD_NS for m in playback.received] == list(range(1, 21))
 
 
-def hold(graph: LiveGraph, stage: str) -> None:
-    """From the fourth image on, until ten more have been published."""
+def hold(graph: LiveGraph, stage: str, until: int = 14) -> None:
+    """From the fourth image on, until so many have been published."""
     process_id = graph.process_id(stage)
     while graph.planner.published < 4:
         time.sleep(0.01)
     os.kill(process_id, signal.SIGSTOP)
     try:
-        while graph.planner.published < 14:
+        while graph.planner.published < until:
             time.sleep(0.01)
     finally:
         os.kill(process_id, signal.SIGCONT)
+
+
+def test_a_player_that_waits_in_vain_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A stage that stands still until all 30 images are published: the player is paused, and let go without an answer;
+    then all are answered.
+    """
+    monkeypatch.setattr('motion_detect_ros.cli.holding.STALL_S', 2.0)
+    bag = tmp_path / 'scene.mcap'
+    write_scene(bag, 30)
+    with LiveGraph('default', STAGES, parameters=PATIENT) as graph:
+        holding = threading.Thread(target=hold, args=(graph, 'optical_flow', 30), daemon=True)
+        holding.start()
+        playback = graph.play(bag, 30, hold=True)
+        holding.join(TIMEOUT_S)
+    assert playback.held_s > 1.9
+    assert [m.stamp_ns // PERIOD_NS for m in playback.received] == list(range(1, 31))
 
 
 LARGE = (960, 540)

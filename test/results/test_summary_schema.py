@@ -96,7 +96,7 @@ def test_so_it_is_as_written(answers: int, damaged: str | None, tmp_path: Path) 
     from motion_detect_ros.cli.planner import Received
     received = tuple(Received(number, detections((7, 1, 2, 3, 4, 0.5)), 20.0) for number in range(answers))
     job = Job('a.mcap', tmp_path, PipelineConfig())
-    write_live_summary(tmp_path, live_summary(job, None, Recorded(2, 2, {}, damaged), received))
+    write_live_summary(tmp_path, live_summary(job, None, Recorded(2, (1, 2), {}, 0, damaged), received))
     content = json.loads((tmp_path / 'summary.json').read_text(), parse_constant=pytest.fail)
     assert errors(content) == []
     assert (content['objects'], content['damaged']) == (min(answers, 1), damaged)
