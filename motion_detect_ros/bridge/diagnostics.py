@@ -27,19 +27,21 @@ BLIND_WARN_S, BLIND_ERROR_S = 2.0, 5.0
 #: Key of how many subscriptions a publisher of the node has found, with the topic's name behind it.
 SUBSCRIBERS_OF = 'subscribers of '
 #: Keys of what a node has counted since its start.
-COUNTERS = 'received', 'processed', 'dropped', 'errors'
+COUNTERS = 'received', 'processed', 'left_out', 'dropped', 'errors'
 
 
 @dataclass(frozen=True)
 class Summary:
     """Counters of a stage: totals, and rates (Hz) and latencies (ms) over the last frames.
 
-    ``period_s``: median time between inputs, NaN before the second. ``silent_s``, ``error_age_s``: since the latest
-    input and the latest error; infinite where there was none.
+    ``left_out``: on purpose, by decimation; ``dropped``: for other reasons. ``period_s``: median time between inputs,
+    NaN before the second. ``silent_s``, ``error_age_s``: since the latest input and the latest error; infinite where
+    there was none.
     """
 
     received: int
     processed: int
+    left_out: int
     dropped: int
     errors: int
     rate_in_hz: float
@@ -76,7 +78,7 @@ class StageStats:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._received = self._processed = self._dropped = self._errors = 0
+        self._received = self._processed = self._left_out = self._dropped = self._errors = 0
         self._last_error = ''
         self._error_ns: int | None = None
         self._arrivals: deque[int] = deque(maxlen=WINDOW)
@@ -123,8 +125,13 @@ class StageStats:
             self._latencies_ms.append(latency_ms)
             self._stamp_age_ms = stamp_age_ms
 
+    def count_left_out(self, count: int = 1) -> None:
+        """Inputs were left out on purpose: nothing is wrong."""
+        with self._lock:
+            self._left_out += count
+
     def count_dropped(self, count: int = 1) -> None:
-        """Inputs were left out."""
+        """Inputs were left out that could have been used, or that cannot."""
         with self._lock:
             self._dropped += count
 
@@ -141,9 +148,10 @@ class StageStats:
             latencies = np.array(self._latencies_ms) if self._latencies_ms else np.array([np.nan])
             p50, p95 = np.percentile(latencies, [50, 95])
             return Summary(
-                self._received, self._processed, self._dropped, self._errors, _rate(self._arrivals, now_ns),
-                _rate(self._departures, now_ns), float(p50), float(p95), self._stamp_age_ms,
-                self._period_s(), _seconds_since(self._arrivals[-1] if self._arrivals else None, now_ns),
+                self._received, self._processed, self._left_out, self._dropped, self._errors,
+                _rate(self._arrivals, now_ns), _rate(self._departures, now_ns), float(p50), float(p95),
+                self._stamp_age_ms, self._period_s(),
+                _seconds_since(self._arrivals[-1] if self._arrivals else None, now_ns),
                 _seconds_since(self._error_ns, now_ns), self._last_error,
                 0.0 if self._unused_since_ns is None else _seconds_since(self._unused_since_ns, now_ns),
                 self._unused_reason)

@@ -21,11 +21,12 @@ from motion_detect_ros.bridge.gyro import GyroInput, Sink
 from motion_detect_ros.bridge.image_input import ImageInput
 from motion_detect_ros.bridge.image_stream import ImageStream
 from motion_detect_ros.bridge.images import image_from_msg, stamp_ns
+from motion_detect_ros.bridge.left_out import LeftOut
 from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode
 from motion_detect_ros.bridge.params import declare_config, declare_simple
 from motion_detect_ros.bridge.qos import image_qos, overridable
 from motion_detect_ros.bridge.sync import ExactJoin
-from motion_detect_ros.bridge.topics import CAMERA_INFO, NO_CAMERA, Topic
+from motion_detect_ros.bridge.topics import CAMERA_INFO, EGO_MOTION, NO_CAMERA, Topic
 from motion_detect_ros.bridge.worker import Worker
 from motion_detect_ros.core.errors import MessageError, MotionDetectError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
@@ -38,8 +39,6 @@ from motion_detect_ros.kernel_compiler import warm_up_ahead
 from motion_detect_ros.sources.encoding import ImageDecoder
 from motion_detect_ros.sources.secrets import reason_of
 
-#: Images this large are lost between processes by stock Fast DDS, bytes.
-BIG_IMAGE_BYTES = 500_000
 #: Subscriptions hold this many messages while the executor is busy; what waits longer is dropped by the mailbox.
 SUBSCRIPTION_DEPTH = 5
 #: More images than this in the mailbox are a backlog, not jitter.
@@ -81,7 +80,6 @@ class StageNode(ManagedNode):
         self._gyro: GyroInput | None = None
         self._decoder = ImageDecoder()
         self._busy = threading.Lock()
-        self._join_drops = 0
 
     def make_stage(self) -> None:
         """Make publishers and the stage. Overridden."""
@@ -122,6 +120,7 @@ class StageNode(ManagedNode):
     def begin(self) -> None:
         """Subscribe."""
         self._decimation.reset()
+        self._left_out = LeftOut()
         self._decoder = ImageDecoder()
         self._stream = ImageStream(self._image_input.compressed)
         self.stats.expect_nothing()
@@ -214,10 +213,15 @@ class StageNode(ManagedNode):
         messages = self._join.add(name, stamp_ns(msg.header), msg)
         if name == 'image':
             self._note_image(msg, stamped)
-        if not self._decimation.active:  # else an image that no stage before answers was left out, not lost
-            self.stats.count_dropped(self._join.dropped - self._join_drops)
-        self._join_drops = self._join.dropped
-        if messages and self._worker and (self.inputs or self._decimation.keep_next()):
+        if self.inputs:
+            ego = messages[1 + self.inputs.index(EGO_MOTION)] if messages else None
+            left_out, missing = self._left_out.judge(self._join.given_up, ego, self.config.load)
+            self.stats.count_left_out(left_out)
+            self.stats.count_dropped(missing)
+        elif messages and not self._decimation.keep_next():
+            self.stats.count_left_out()
+            return
+        if messages and self._worker:
             if self._decimation.active:
                 self.stats.expect_use(time.monotonic_ns())
             self._worker.submit(messages)
@@ -233,7 +237,8 @@ class StageNode(ManagedNode):
         now_ns, verdict = time.monotonic_ns(), self._join.verdict
         self.stats.count_received(now_ns)
         self._images.arrived(msg)
-        self._check_transport(msg)
+        if lost := transport.big_image_trouble(len(msg.data)):
+            self.get_logger().warning(lost, once=True)
         self._stream.add(verdict, stamp_ns(msg.header), now_ns, stamped=stamped)
         if not self._decimation.active or not verdict.usable:
             self.stats.expect_use(now_ns)
@@ -282,12 +287,6 @@ class StageNode(ManagedNode):
     def _warn_of_camera(self, words: str) -> None:
         if self.uses_camera:
             self.get_logger().warning(words)
-
-    def _check_transport(self, msg: Any) -> None:
-        if len(msg.data) > BIG_IMAGE_BYTES and not transport.profile_set():
-            self.get_logger().warning(
-                f'images of {len(msg.data)} bytes without a Fast DDS profile: some may be lost; '
-                f'set {transport.PROFILE_VARIABLE} (README, Transport)', once=True)
 
 
 def unused_for(ego: EgoMotion, has_reference: bool = True) -> str:

@@ -19,6 +19,8 @@ class ExactJoin:
         self._orders = {name: StampOrder(0.0 if number else reorder_s) for number, name in enumerate(names)}
         self.verdict = Verdict.NEXT
         self.dropped = 0
+        #: Incomplete sets that the latest item made it discard, by stamp.
+        self.given_up: tuple[dict[str, Any], ...] = ()
 
     def add(self, name: str, stamp_ns: int, item: Any) -> tuple[Any, ...] | None:
         """All items of ``stamp_ns`` in the order of the names, once the last has come; None until then.
@@ -29,6 +31,7 @@ class ExactJoin:
         so do sets over ``capacity``, oldest arrival first. Where the stamps of a name go back, its items of later
         times are of another run of the clock and must not meet the present one: they are forgotten.
         """
+        self.given_up = ()
         self.verdict = self._orders[name].judge(stamp_ns)
         if not self.verdict.usable:
             return None
@@ -55,6 +58,7 @@ class ExactJoin:
     def clear(self) -> None:
         """Forget what waits, without counting it."""
         self._waiting.clear()
+        self.given_up = ()
         for order in self._orders.values():
             order.reset()
 
@@ -65,6 +69,5 @@ class ExactJoin:
         self._discard([stamp for stamp, items in self._waiting.items() if not items])
 
     def _discard(self, stamps: list[int]) -> None:
-        for stamp in stamps:
-            del self._waiting[stamp]
+        self.given_up += tuple(self._waiting.pop(stamp) for stamp in sorted(stamps))
         self.dropped += len(stamps)

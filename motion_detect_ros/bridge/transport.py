@@ -9,6 +9,8 @@ from motion_detect_ros.presets import find_config
 
 PROFILE_VARIABLE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 PROFILE_NAME = 'fastdds_profile.xml'
+#: Images this large are lost between processes by stock Fast DDS, bytes.
+BIG_IMAGE_BYTES = 500_000
 
 
 def additional_environment() -> dict[str, str]:
@@ -32,3 +34,11 @@ def use_here() -> None:
 def profile_set() -> bool:
     """Whether some Fast DDS profile is in force."""
     return bool(os.environ.get(PROFILE_VARIABLE))
+
+
+def big_image_trouble(image_bytes: int) -> str:
+    """In a few words why images of so many bytes may be lost, and what helps; empty where they are not."""
+    if image_bytes <= BIG_IMAGE_BYTES or profile_set():
+        return ''
+    return (f'images of {image_bytes} bytes without a Fast DDS profile: some may be lost; '
+            f'set {PROFILE_VARIABLE} (README, Transport)')

@@ -48,7 +48,8 @@ IMAGE_BY_IMAGE = (IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_TOPIC, 'ego_motion', 'fl
 @dataclass(frozen=True)
 class Playback:
     """What a planner heard while a bag was played; ``published``: images the player published; ``held_s``: how long it
-    waited for the stages; ``processed``: images by stage, as the stages have last said.
+    waited for the stages; ``processed``: images by stage, ``left_out``: by the first one on purpose, as the stages have
+    last said.
     """
 
     received: tuple[Received, ...]
@@ -56,6 +57,7 @@ class Playback:
     seconds: float
     held_s: float = 0.0
     processed: Mapping[str, int] = field(default_factory=dict)
+    left_out: int = 0
 
 
 class LiveGraph:
@@ -145,7 +147,8 @@ class LiveGraph:
         finally:
             _end(process)
         return Playback(self.heard, self.planner.published, time.monotonic() - start,
-                        holding.held_s if holding else 0.0, self._processed())
+                        holding.held_s if holding else 0.0, self._processed(),
+                        self.planner.counter(f'/{self._nodes[0]}', 'left_out') or 0)
 
     def _processed(self) -> dict[str, int]:
         counts = {node: self.planner.counter(f'/{node}', 'processed') for node in self._nodes}

@@ -32,7 +32,7 @@ from motion_detect_ros.presets import node_parameters
 from motion_detect_ros.results.detection_writer import FrameDetections
 from motion_detect_ros.results.files import BAG_NAME, CSV_NAME, SUMMARY_NAME
 from motion_detect_ros.results.formats import clear
-from motion_detect_ros.results.live_summary import LATENCIES, LiveSummary, write_live_summary
+from motion_detect_ros.results.live_summary import LATENCIES, LOAD, LiveSummary, write_live_summary
 from motion_detect_ros.results.outputs import DetectionOutputs
 from motion_detect_ros.results.ownership import owned
 from motion_detect_ros.sources.bags import BagFrames, BagReader, is_bag
@@ -191,13 +191,20 @@ def live_summary(
         input=job.path, input_bytes=input_bytes, topic=job.topic, rectified=job.rectified,
         version=motion_detect_ros.__version__, damaged=recorded.damaged, frames=recorded.images,
         source_frames=recorded.images, wanted=wanted, answered=len(heard),
-        left_out=left_out_by(playback.processed, wanted, len(heard)) if playback else {},
+        left_out=_left_out(playback, len(recorded.stamps_ns), wanted, len(heard)) if playback else {},
         held_s=round(playback.held_s, 3) if playback else 0.0,
         detections=sum(len(records) for records in detections),
         objects=len({int(number) for records in detections for number in records['id']}),
         latency_ms={name: round(value, 3) if math.isfinite(value) else None  # JSON has no NaN
                     for name, value in zip(LATENCIES, latencies, strict=True)},
         settings={name: value for name, value, _ in settings(job.config)})
+
+
+def _left_out(playback: Playback, usable: int, wanted: int, answered: int) -> dict[str, int]:
+    """The images that were wanted and not answered, by what left them out."""
+    on_purpose = min(max(0, playback.left_out - max(0, usable - wanted)), wanted - answered)
+    by_load = {LOAD: on_purpose} if on_purpose > 0 else {}
+    return by_load | left_out_by(playback.processed, wanted - on_purpose, answered)
 
 
 def left_out_by(processed: Mapping[str, int], wanted: int, answered: int) -> dict[str, int]:

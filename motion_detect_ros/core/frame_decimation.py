@@ -24,6 +24,12 @@ class FrameDecimation:
         self._seen += 1
         return kept
 
+    def kept_at_least(self, run: int) -> int:
+        """Of so many frames in a row, wherever in their groups, how many are processed at least."""
+        groups, rest = divmod(run, self._of)
+        keep = min(self._keep, self._of)
+        return groups * keep + max(0, rest - (self._of - keep))
+
     def reset(self) -> None:
         """Start with a new group."""
         self._seen = 0

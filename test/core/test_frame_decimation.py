@@ -23,6 +23,15 @@ def test_the_first_m_of_every_n(take, of, wanted):
     assert decimation.keep_next()
 
 
+@pytest.mark.parametrize(('take', 'of'), [(1, 1), (1, 3), (2, 5), (5, 5), (3, 4)])
+def test_so_many_of_a_run_are_kept_at_least(take, of):
+    """Against every run there is: counted one by one."""
+    decimation = FrameDecimation(take, of)
+    kept = [decimation.keep_next() for _ in range(60)]
+    for run in range(20):
+        assert decimation.kept_at_least(run) == min(sum(kept[first:first + run]) for first in range(40))
+
+
 def test_more_than_all_is_refused():
     with pytest.raises(ConfigError, match=r'load\.decimation_keep: expected at most load\.decimation_of \(2\), got 3'):
         with_settings(PipelineConfig(), {'load.decimation_keep': 3, 'load.decimation_of': 2})

@@ -425,3 +425,16 @@ def test_short_queues_of_the_settings_lose_images_which_are_told_by_stage(
     told = ', '.join(f'{count} by {stage}' for stage, count in left_out.items())
     assert f'100 images, {summary["answered"]} answers, {sum(left_out.values())} left out ({told})' in (
         capsys.readouterr().out)
+
+
+def test_what_the_load_leaves_out_is_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Two hundred images a second for five seconds, of which one of two or three is worked on in the end."""
+    monkeypatch.setattr('motion_detect_ros.cli.live.IDLE_TIMEOUT_S', 6.0)
+    write_scene(tmp_path / 'a.mcap', 1000)
+    (tmp_path / 'adapt.yaml').write_text(yaml.safe_dump({'/**': {'ros__parameters': {'load': {'adapt': True}}}}))
+    main(['replay', str(tmp_path / 'a.mcap'), '--config', str(tmp_path / 'adapt.yaml'), '--live', '--rate', '20', '-o',
+          str(tmp_path / 'live')])
+    summary = json.loads((tmp_path / 'live' / 'summary.json').read_text())
+    assert summary['held_s'] == 0.0
+    assert summary['left_out']['load.adapt'] > 50
+    assert sum(summary['left_out'].values()) == 1000 - summary['answered']
