@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -39,10 +39,14 @@ START_TIMEOUT_S = 120.0
 STOP_TIMEOUT_S = 10.0
 IDLE_TIMEOUT_S = 15.0
 POLL_S = 0.05
+#: After this without an answer the images that lack one are looked at, seconds.
+QUIET_S = 2.0
 #: What the nodes listen to.
 IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_TOPIC, IMU_TOPIC = 'image_raw', 'image_raw/compressed', 'camera_info', 'imu'
 #: What goes from one process to another for each image.
 IMAGE_BY_IMAGE = (IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_TOPIC, 'ego_motion', 'flow', 'detections')
+#: Which of the images of these stamps cannot be answered.
+Refused = Callable[[Collection[int]], Collection[int]]
 
 
 @dataclass(frozen=True)
@@ -118,13 +122,14 @@ class LiveGraph:
 
     def play(
         self, bag: Path, images: int, rate: float = 1.0, topics: Mapping[str, str] | None = None,
-        wanted: Collection[int] | None = None, hold: bool = False,
+        wanted: Collection[int] | None = None, hold: bool = False, refused: Refused | None = None,
     ) -> Playback:
         """Plays a bag through the nodes and gives what the planner heard, sorted by stamp.
 
         images: how many of those in the bag the nodes are to answer, which may leave some out; topics: what to play,
         and under which name; None = everything under its own; wanted: stamps of the images to be answered, None = all;
-        hold: the player waits where the stages are behind.
+        hold: the player waits where the stages are behind; refused: asked at the end which images of ``wanted``, of
+        those without an answer, get none, so that they are not waited for.
         """
         played = topics or {topic: topic.lstrip('/') for topic in _topics(bag)}
         self.planner.expect(_clock_of_images(bag, played, self._image_topic), wanted)
@@ -138,7 +143,7 @@ class LiveGraph:
         start, holding = time.monotonic(), Holding(self.planner) if hold else None
         process = self._spawn('bag_player', player)
         try:
-            self._await_end(process, images, holding)
+            self._await_end(process, images, holding, lambda: self._refused(wanted or (), refused))
             if holding:
                 holding.release()
         except BaseException:  # Ctrl-C, maybe for this process only: nobody hears the rest
@@ -150,6 +155,11 @@ class LiveGraph:
                         holding.held_s if holding else 0.0, self._processed(),
                         self.planner.counter(f'/{self._nodes[0]}', 'left_out') or 0)
 
+    def _refused(self, wanted: Collection[int], refused: Refused | None) -> int:
+        """How many images without an answer get none."""
+        unanswered = frozenset(wanted) - {message.stamp_ns for message in self.planner.received}
+        return len(refused(unanswered)) if refused else 0
+
     def _processed(self) -> dict[str, int]:
         counts = {node: self.planner.counter(f'/{node}', 'processed') for node in self._nodes}
         return {node: count for node, count in counts.items() if count is not None}
@@ -159,16 +169,23 @@ class LiveGraph:
         """What the planner has heard of the bag so far, sorted by stamp."""
         return tuple(sorted(self.planner.received, key=lambda message: message.stamp_ns))
 
-    def _await_end(self, process: subprocess.Popen[bytes], images: int, holding: Holding | None) -> None:
-        """Until all answers are there, or none has come for a while after the last image was published."""
-        count, changed = 0, time.monotonic()
-        while count < images and time.monotonic() - changed < IDLE_TIMEOUT_S:
+    def _await_end(
+        self, process: subprocess.Popen[bytes], images: int, holding: Holding | None, refused: Callable[[], int],
+    ) -> None:
+        """Until all answers are there, or none has come for a while after the last image was published.
+
+        refused: how many of the images get none, asked once things are quiet.
+        """
+        count, changed, asked = 0, time.monotonic(), False
+        while count < images and (quiet_s := time.monotonic() - changed) < IDLE_TIMEOUT_S:
             self._check_alive()
             if process.poll() not in (None, 0):
                 raise SourceError(f'bag_player: ended with {process.poll()}: {self.output("bag_player").strip()}')
             self.planner.wait_for(count + 1, POLL_S)
             if holding:
                 holding.look()
+            if quiet_s > QUIET_S and not asked:
+                images, asked = images - refused(), True
             news = self.planner.answers
             if news > count or (process.poll() is None and self.planner.published < self.planner.expected):
                 count, changed = news, time.monotonic()

@@ -23,6 +23,7 @@ from motion_detect_ros.cli.live import (
     spread,
 )
 from motion_detect_ros.cli.planner import Received
+from motion_detect_ros.cli.refused import RefusedImages
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import MessageError, MotionDetectError, SourceError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
@@ -48,14 +49,15 @@ class Recorded:
     """An image topic of a bag.
 
     ``images``: that were recorded; ``stamps_ns``: of those that can be played, and whose stamps are in order, else the
-    nodes leave them out; ``unstamped``: that are too short for a stamp; ``frame_of``: stamp, ns -> number of the image
-    in the bag, as one without an answer must not shift those after it; ``damaged``: what is wrong with the bag.
+    nodes leave them out; ``unreadable``: that are lost, or too short for a stamp; ``frame_of``: stamp, ns -> number of
+    the image in the bag, as one without an answer must not shift those after it; ``damaged``: what is wrong with the
+    bag.
     """
 
     images: int
     stamps_ns: Sequence[int]
     frame_of: Mapping[int, int]
-    unstamped: int = 0
+    unreadable: int = 0
     damaged: str | None = None
 
 
@@ -96,6 +98,7 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
     given = ('rectified:=true',) if job.rectified else ()
     waits = not job.config.load.adapt and not any(map(_sets_queues, node_parameters(preset)))
     wanted = wanted_of(job.config, recorded.stamps_ns)
+    refused = RefusedImages(bag, frames.topic, job.config.preprocessing)
     heard: tuple[Received, ...] = ()
     playback: Playback | None = None
     stopped: BaseException | None = None
@@ -103,7 +106,7 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
         with LiveGraph(preset, parameters=(*given, *queues(QUEUE_SIZE)) if waits else given,
                        compressed=compressed) as graph:
             try:
-                playback = graph.play(bag.resolve(), len(wanted) + recorded.unstamped, rate, topics, wanted, waits)
+                playback = graph.play(bag.resolve(), len(wanted), rate, topics, wanted, waits, refused.among)
             finally:
                 heard = graph.heard
     except KeyboardInterrupt:
@@ -114,7 +117,8 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
         if not heard:
             raise
         stopped = UnfinishedError(f'{error}; {len(heard)} answers are kept in the .part files')
-    summary = live_summary(job, input_bytes, recorded, heard, playback)
+    bad = refused.among(wanted - {message.stamp_ns for message in heard}) if playback else frozenset()
+    summary = live_summary(job, input_bytes, recorded, heard, playback, len(bad))
     _write(job, summary, recorded.frame_of, heard, stopped)
     return summary
 
@@ -159,39 +163,41 @@ def read_through(bag: Path, topic: TopicInfo) -> Recorded:
 
     Raises: SourceError where not one image can be read, or none has a stamp that nodes take.
     """
-    readable, unstamped, order, stamps_ns, frame_of = 0, 0, StampOrder(), list[int](), dict[int, int]()
+    readable, unreadable, order, stamps_ns, frame_of = 0, 0, StampOrder(), list[int](), dict[int, int]()
     with BagReader(bag) as reader:
         for number, message in enumerate(filter(topic.holds, reader.messages([topic.name]))):
-            if message.data == LOST:
-                continue
-            readable += 1
+            readable += message.data != LOST
             try:
                 stamp_ns = header_stamp_ns(message.data)
             except MessageError:
-                unstamped += 1  # it gets no answer, and shall be missed
+                unreadable += 1
                 continue
             if order.judge(stamp_ns).usable:
                 stamps_ns.append(stamp_ns)
             frame_of.setdefault(stamp_ns, number)
-        if not stamps_ns and not unstamped:
+        if not stamps_ns:
             fault = 'whose stamp can be used' if readable else 'that can be read'
             raise SourceError(f'{bag}: expected images on {topic.name}, found none {fault}'
                               + (f'; {reader.damaged}' if reader.damaged else ''))
-        return Recorded(topic.count, stamps_ns, frame_of, unstamped, reader.damaged)
+        return Recorded(topic.count, stamps_ns, frame_of, unreadable, reader.damaged)
 
 
 def live_summary(
     job: Job, input_bytes: int | None, recorded: Recorded, heard: Sequence[Received], playback: Playback | None = None,
+    refused: int = 0,
 ) -> LiveSummary:
-    """What came of a bag. heard: its answers; playback: None where it was stopped."""
+    """What came of a bag. heard: its answers; playback: None where it was stopped; refused: images that no node can
+    use, of those without an answer.
+    """
     latencies = spread([message.latency_ms for message in heard])
     detections = [message.records for message in heard]
-    wanted = len(wanted_of(job.config, recorded.stamps_ns)) + recorded.unstamped
+    asked = len(wanted_of(job.config, recorded.stamps_ns))
     return LiveSummary(
         input=job.path, input_bytes=input_bytes, topic=job.topic, rectified=job.rectified,
         version=motion_detect_ros.__version__, damaged=recorded.damaged, frames=recorded.images,
-        source_frames=recorded.images, wanted=wanted, answered=len(heard),
-        left_out=_left_out(playback, len(recorded.stamps_ns), wanted, len(heard)) if playback else {},
+        source_frames=recorded.images, bad_frames=recorded.unreadable + refused, wanted=asked - refused,
+        answered=len(heard),
+        left_out=_left_out(playback, len(recorded.stamps_ns) - asked, asked - refused, len(heard)) if playback else {},
         held_s=round(playback.held_s, 3) if playback else 0.0,
         detections=sum(len(records) for records in detections),
         objects=len({int(number) for records in detections for number in records['id']}),
@@ -200,11 +206,10 @@ def live_summary(
         settings={name: value for name, value, _ in settings(job.config)})
 
 
-def _left_out(playback: Playback, usable: int, wanted: int, answered: int) -> dict[str, int]:
-    """The images that were wanted and not answered, by what left them out."""
-    on_purpose = min(max(0, playback.left_out - max(0, usable - wanted)), wanted - answered)
-    by_load = {LOAD: on_purpose} if on_purpose > 0 else {}
-    return by_load | left_out_by(playback.processed, wanted - on_purpose, answered)
+def _left_out(playback: Playback, decimated: int, wanted: int, answered: int) -> dict[str, int]:
+    """The images that were wanted and not answered, by what left them out. decimated: left out by the settings."""
+    by_load = max(0, min(playback.left_out - decimated, wanted - answered))
+    return ({LOAD: by_load} if by_load else {}) | left_out_by(playback.processed, wanted - by_load, answered)
 
 
 def left_out_by(processed: Mapping[str, int], wanted: int, answered: int) -> dict[str, int]:

@@ -23,11 +23,11 @@ SHOWN_S = 0.1
 class LiveSummary:
     """The fields are those of summary.json, those of ``Summary`` where they have the same name.
 
-    ``damaged``: what is wrong with the bag; ``frames``: images of the bag; ``wanted``: those of them that were to be
-    answered, without those that decimation leaves out or whose stamps are not in order, None for all; ``answered``:
-    those that were; ``left_out``: how many of the others by which node, ``LOAD`` or ``transport``, in playbacks that
-    came to their end; ``held_s``: how long the player waited for the nodes, seconds; ``latency_ms``: from image to
-    detections, None without answers.
+    ``damaged``: what is wrong with the bag; ``frames``: images of the bag; ``bad_frames``: those of them that cannot be
+    read or used; ``wanted``: those that were to be answered, without bad ones, those that decimation leaves out and
+    those whose stamps are not in order, None for all; ``answered``: those that were; ``left_out``: how many of the
+    others by which node, ``LOAD`` or ``transport``, in playbacks that came to their end; ``held_s``: how long the
+    player waited for the nodes, seconds; ``latency_ms``: from image to detections, None without answers.
     """
 
     input: str
@@ -39,6 +39,7 @@ class LiveSummary:
     damaged: str | None = None
     frames: int
     source_frames: int
+    bad_frames: int = 0
     wanted: int | None = None
     answered: int
     left_out: dict[str, int] = field(default_factory=dict)
@@ -62,14 +63,15 @@ class LiveSummary:
         by_node = ', '.join(f'{count} by {node}' for node, count in self.left_out.items())
         left_out = f', {sum(self.left_out.values())} left out ({by_node})' if by_node else ''
         held = f', held back for {self.held_s:.1f} s' if self.held_s >= SHOWN_S else ''
+        bad = f', {self.bad_frames} bad frames left out' if self.bad_frames else ''
         damage = f'; {self.damaged}' if self.damaged else ''
-        return f'{self.frames} images, {self.answered} answers{left_out}{latency}{held}{damage}'
+        return f'{self.frames} images, {self.answered} answers{left_out}{latency}{held}{bad}{damage}'
 
 
 _TYPES: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(('input', 'version'), (str,)), **dict.fromkeys(('topic', 'damaged'), (str, NoneType)),
     **dict.fromkeys(('live', 'rectified'), (bool,)),
-    **dict.fromkeys(('frames', 'source_frames', 'answered', 'detections', 'objects'), (int,)),
+    **dict.fromkeys(('frames', 'source_frames', 'bad_frames', 'answered', 'detections', 'objects'), (int,)),
     **dict.fromkeys(('input_bytes', 'wanted'), (int, NoneType)),
     **dict.fromkeys(('latency_ms', 'left_out', 'settings'), (dict,)), 'held_s': (int, float)}
 

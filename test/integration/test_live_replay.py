@@ -83,16 +83,48 @@ def test_one_of_two_cameras_with_a_broken_image(
     two_cameras: Path, patient: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ):
-    monkeypatch.setattr('motion_detect_ros.cli.live.IDLE_TIMEOUT_S', 6.0)  # it is waited out: one answer never comes
+    """It is told and counted as offline, and neither waited for nor asked for again."""
+    monkeypatch.setattr('motion_detect_ros.cli.live.IDLE_TIMEOUT_S', TIMEOUT_S)  # too long for the test to wait out
     words = ['replay', str(two_cameras), '--topic', '/rear/image_raw', *patient, '-o']
-    assert main([*words, str(tmp_path / 'live'), '--live']) == 3  # one image has no answer
-    assert f'{FRAMES} images, {FRAMES - 1} answers' in capsys.readouterr().out
+    assert main([*words, str(tmp_path / 'live'), '--live']) == 3
+    line = capsys.readouterr().out
+    assert f'{FRAMES} images, {FRAMES - 1} answers, latency ' in line
+    assert line.endswith(' p95, 1 bad frames left out\n')
+    assert main([*words, str(tmp_path / 'live'), '--live']) == 3
+    assert capsys.readouterr().out == line.replace('\n', ' (finished earlier)\n')
     assert main([*words, str(tmp_path / 'offline')]) == 3
     live, offline = rows(tmp_path / 'live'), rows(tmp_path / 'offline')
     assert live
     assert live == offline
     assert {int(row['frame']) for row in live} >= set(range(BROKEN + 1, FRAMES))
     assert all(int(row['stamp_ns']) == (int(row['frame']) + 1) * PERIOD_NS for row in live)
+    assert bad_frames(tmp_path / 'live') == bad_frames(tmp_path / 'offline') == 1
+    summary = json.loads((tmp_path / 'live' / 'summary.json').read_text())
+    assert (summary['wanted'], summary['answered'], summary['left_out']) == (FRAMES - 1, FRAMES - 1, {})
+
+
+def bad_frames(folder: Path) -> int:
+    return json.loads((folder / 'summary.json').read_text())['bad_frames']
+
+
+def test_compressed_images_that_are_none_are_bad_as_offline(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """A PNG that is cut off, bytes that are no picture, a picture too small to work on, and a message without stamp."""
+    whole, tiny = (cv2.imencode('.png', picture)[1].tobytes() for picture in (scene(3), scene(11)[:3, :3]))
+    bad = {3: whole[:2000], 7: b'no picture at all', 11: tiny}
+    with BagWriter(tmp_path / 'a.mcap') as bag:
+        for index in range(FRAMES):
+            stamp_ns = (index + 1) * PERIOD_NS
+            data = png(index, stamp_ns) if index not in bad else serialize(make(
+                COMPRESSED_IMAGE, header=header(stamp_ns, 'camera'), format='png',
+                data=np.frombuffer(bad[index], np.uint8)))
+            bag.write_raw('/image_raw/compressed', COMPRESSED_IMAGE, data if index != 15 else data[:8], stamp_ns)
+    words = ['replay', str(tmp_path / 'a.mcap'), '--no-report', '-o']
+    assert main([*words, str(tmp_path / 'live'), '--live']) == 3
+    assert ', 4 bad frames left out' in capsys.readouterr().out
+    assert main([*words, str(tmp_path / 'offline')]) == 3
+    assert bad_frames(tmp_path / 'live') == bad_frames(tmp_path / 'offline') == 4
+    assert json.loads((tmp_path / 'live' / 'summary.json').read_text())['answered'] == FRAMES - 4
+    assert rows(tmp_path / 'live') == rows(tmp_path / 'offline')
 
 
 def test_a_pause_is_waited_out_where_images_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -243,6 +275,7 @@ def test_a_damaged_bag_is_partial_and_finished_as_offline(
                          for run in ('live', 'offline'))
         assert live['damaged'] == offline['damaged']
         assert (live['answered'], live['source_frames']) == (offline['frames'], offline['source_frames'])
+        assert live['bad_frames'] == offline['bad_frames']
         assert line.startswith(f'{out}/{name}: {live["frames"]} images, {live["answered"]} answers, latency ')
         assert line.endswith(f'; {live["damaged"]}')
         assert rows(out / name) == rows(tmp_path / 'offline' / name)

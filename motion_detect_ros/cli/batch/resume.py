@@ -58,7 +58,8 @@ def sort_out(jobs: Sequence[Job], force: bool, live: bool = False) -> tuple[dict
 
 def outcome_of_live(folder: Path, summary: LiveSummary) -> Outcome:
     """What the summary of a live replay says, in one line."""
-    return Outcome(OK if summary.complete and not summary.damaged else PARTIAL, f'{folder}: {summary.line}')
+    whole = summary.complete and not summary.damaged and not summary.bad_frames
+    return Outcome(OK if whole else PARTIAL, f'{folder}: {summary.line}')
 
 
 def look(job: Job, live: bool = False) -> Found:
