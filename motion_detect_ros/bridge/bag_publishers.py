@@ -18,6 +18,11 @@ from motion_detect_ros.sources.raw import CDR, LOST, RawMessage, TopicInfo, one_
 _NAME = re.compile(r'/*[A-Za-z_]\w*(/[A-Za-z_]\w*)*', re.ASCII)
 
 
+def is_name(topic: str) -> bool:
+    """Whether ROS takes the name of a recorded topic as it is."""
+    return _NAME.fullmatch(topic) is not None
+
+
 class BagPublishers:
     """One for each topic in CDR whose type is installed; what cannot be published costs itself only.
 
@@ -72,7 +77,7 @@ class BagPublishers:
         if topic.name in self._played:
             raise MessageError(f'expected one type, got {self._played[topic.name].msgtype} and {topic.msgtype}; '
                                'the first is played')
-        if not _NAME.fullmatch(topic.name):
+        if not is_name(topic.name):
             raise MessageError('expected a name of letters, digits and _, its parts joined by /')
         try:
             self._publishers[topic.name] = self._node.advertise(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import motion_detect_ros
+from motion_detect_ros.bridge.bag_publishers import is_name
 from motion_detect_ros.bridge.serialized import header_stamp_ns
 from motion_detect_ros.cli.batch.inputs import size_of
 from motion_detect_ros.cli.batch.jobs import PARTIAL, UNREADABLE, Job, Outcome, UnfinishedError
@@ -38,7 +39,7 @@ from motion_detect_ros.results.outputs import DetectionOutputs
 from motion_detect_ros.results.ownership import owned
 from motion_detect_ros.sources.bags import BagFrames, BagReader, is_bag
 from motion_detect_ros.sources.messages import COMPRESSED_IMAGE
-from motion_detect_ros.sources.raw import LOST, TopicInfo
+from motion_detect_ros.sources.raw import LOST, TopicInfo, printable
 
 #: So many images may wait in each node: what is still played until the player has heard that it shall wait.
 QUEUE_SIZE = 100
@@ -81,9 +82,9 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
     how many may wait, or have ``load.adapt``.
 
     Writes the same detections.csv and detections.mcap as the replay in process; summary.json holds counts and
-    latencies from image to detections. Raises: SourceError for an input that is no bag, or none with such images, and
-    where a node does not start; UnfinishedError where one ends later, and KeyboardInterrupt, after what was answered
-    until then is in the ``.part`` files.
+    latencies from image to detections. Raises: SourceError for an input that is no bag, or none with such images, for a
+    topic whose name ROS refuses, and where a node does not start; UnfinishedError where one ends later, and
+    KeyboardInterrupt, after what was answered until then is in the ``.part`` files.
     """
     bag, input_bytes = Path(job.path), size_of(job.path)
     if bag.exists() and not is_bag(bag):
@@ -95,6 +96,7 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
         topics[frames.camera_topic] = CAMERA_TOPIC
     if job.config.imu.use and frames.imu_topic:
         topics[frames.imu_topic] = IMU_TOPIC
+    _check_names(bag, topics)
     given = ('rectified:=true',) if job.rectified else ()
     waits = not job.config.load.adapt and not any(map(_sets_queues, node_parameters(preset)))
     wanted = wanted_of(job.config, recorded.stamps_ns)
@@ -121,6 +123,15 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
     summary = live_summary(job, input_bytes, recorded, heard, playback, len(bad))
     _write(job, summary, recorded.frame_of, heard, stopped)
     return summary
+
+
+def _check_names(bag: Path, topics: Iterable[str]) -> None:
+    """Raises: SourceError for a recorded topic that no node can publish."""
+    for name in topics:
+        if not is_name(name):
+            raise SourceError(printable(
+                f'{bag}: --live expected topics with names of letters, digits and _, their parts joined by / and none '
+                f'beginning with a digit, got {name}'))
 
 
 def _write(

@@ -471,3 +471,27 @@ def test_what_the_load_leaves_out_is_told_apart(tmp_path: Path, monkeypatch: pyt
     assert summary['held_s'] == 0.0
     assert summary['left_out']['load.adapt'] > 50
     assert sum(summary['left_out'].values()) == 1000 - summary['answered']
+
+
+@pytest.mark.parametrize('name', ['/1cam/image_raw', '/front camera/image_raw', '/cam//image_raw', '/{node}/image'])
+def test_a_name_that_ros_refuses_is_one_line_before_anything_starts(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+):
+    """No node would come up in no time at all."""
+    monkeypatch.setattr('motion_detect_ros.cli.live.START_TIMEOUT_S', 0.0)
+    with BagWriter(tmp_path / 'a.mcap') as bag:
+        for index in range(3):
+            bag.write(name, image(scene(index), (index + 1) * PERIOD_NS, 'camera'), (index + 1) * PERIOD_NS)
+    assert main(['replay', str(tmp_path / 'a.mcap'), '--live', '-o', str(tmp_path / 'out')]) == 2
+    assert capsys.readouterr().err == (
+        f'error: {tmp_path}/a.mcap: --live expected topics with names of letters, digits and _, their parts joined by '
+        f'/ and none beginning with a digit, got {name}\n')
+    assert not (tmp_path / 'out').exists()
+
+
+def test_a_long_name_is_played(tmp_path: Path):
+    """Too long for a topic of ROS; the player gives its messages another one."""
+    with BagWriter(tmp_path / 'a.mcap') as bag:
+        for index in range(3):
+            bag.write_image(scene(index), (index + 1) * PERIOD_NS, f'/{"camera" * 50}/image_raw')
+    assert main(['replay', str(tmp_path / 'a.mcap'), '--live', '-o', str(tmp_path / 'out')]) == 0
