@@ -1,6 +1,7 @@
 """``demo``: the main job on a built-in flight. Draw it, play it through the nodes over DDS, measure what comes out.
 
-Exit code 0 where every image got a detections message, 3 where some did not, 1 where none did.
+Exit code 0 where every image got a detections message that the settings do not leave out, 3 where some did not, 1 where
+none did.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ from motion_detect_ros.cli.demo_table import Run, table
 from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.cli.progress import track
 from motion_detect_ros.core.errors import BackendError, SourceError
+from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.pipeline import MotionPipeline
-from motion_detect_ros.core.types import NANOSECONDS, RecordArray
+from motion_detect_ros.core.types import NANOSECONDS, RecordArray, Result
 from motion_detect_ros.presets import load_preset
 from motion_detect_ros.results.rows import CSV_HEADER, csv_row
 from motion_detect_ros.sources.bags import BagFrames, BagWriter
@@ -74,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     answers = offline = run_in_process(bag, arguments.preset)
     rate = arguments.rate or min(1.0, LOAD_SHARE * real_time_factor(offline, config.fps))
     if not arguments.offline:
-        answers = run_live(bag, offline.stamps_ns, arguments.preset, rate)
+        answers = run_live(bag, offline, arguments.preset, rate)
     write_detections(folder, answers)
     note(folder, NAMES)
     write_pictures(bag, truth, answers, config.fps, folder / VIDEO, folder / SHEET)
@@ -108,30 +110,37 @@ def record_flight(config: FlightConfig, folder: Path) -> RecordArray:
 
 
 def run_in_process(bag: Path, preset: str) -> Run:
-    """Every image of the bag through ``MotionPipeline``; times are those of its stages."""
-    frames = BagFrames(bag)
-    pipeline = MotionPipeline(load_preset(preset), frames.camera)
-    results = [pipeline.process(frame.image, frame.stamp_ns)
-               for frame in track(frames, frames.frame_count, 'in process')]
-    return Run(tuple(result.stamp_ns for result in results),
-               {index: result.detections for index, result in enumerate(results)},
-               len(results), tuple(result.times_ms.total for result in results))
+    """Every image of the bag that the settings do not leave out through ``MotionPipeline``; times are those of its
+    stages.
+    """
+    frames, config = BagFrames(bag), load_preset(preset)
+    pipeline = MotionPipeline(config, frames.camera)
+    decimation = FrameDecimation(config.load.decimation_keep, config.load.decimation_of)
+    stamps_ns: list[int] = []
+    results: dict[int, Result] = {}
+    for index, frame in enumerate(track(frames, frames.frame_count, 'in process')):
+        stamps_ns.append(frame.stamp_ns)
+        if decimation.keep_next():
+            results[index] = pipeline.process(frame.image, frame.stamp_ns)
+    return Run(tuple(stamps_ns), {index: result.detections for index, result in results.items()}, len(results),
+               tuple(result.times_ms.total for result in results.values()),
+               frozenset(range(len(stamps_ns))) - results.keys())
 
 
-def run_live(bag: Path, stamps_ns: tuple[int, ...], preset: str, rate: float) -> Run:
-    """Every image of the bag through the nodes, each a process of its own; times from image to detections.
+def run_live(bag: Path, offline: Run, preset: str, rate: float) -> Run:
+    """The same images through the nodes, each a process of its own; times from image to detections.
 
-    Raises: SourceError where a node does not come up.
+    offline: the images in one process. Raises: SourceError where a node does not come up.
     """
     from motion_detect_ros.cli.live import LiveGraph, queues
     start = perf_counter()
     with LiveGraph(preset, parameters=queues(QUEUE_SIZE)) as graph:
         print(f'nodes up after {perf_counter() - start:.0f} s, playing', file=sys.stderr)
-        playback = graph.play(bag, len(stamps_ns), rate)
-    frame_of = {stamp: index for index, stamp in enumerate(stamps_ns)}
+        playback = graph.play(bag, len(offline.wanted), rate)
+    frame_of = {stamp: index for index, stamp in enumerate(offline.stamps_ns)}
     known = [message for message in playback.received if message.stamp_ns in frame_of]
-    return Run(stamps_ns, {frame_of[message.stamp_ns]: message.records for message in known},
-               len(playback.received), tuple(message.latency_ms for message in known))
+    return Run(offline.stamps_ns, {frame_of[message.stamp_ns]: message.records for message in known},
+               len(playback.received), tuple(message.latency_ms for message in known), offline.left_out)
 
 
 def real_time_factor(run: Run, fps: float) -> float:
@@ -140,7 +149,7 @@ def real_time_factor(run: Run, fps: float) -> float:
 
 
 def exit_code(run: Run) -> int:
-    """0 only where every image got its detections message."""
+    """0 only where every image got its detections message that the settings do not leave out."""
     if not run.records:
         return NOTHING
     return PARTIAL if run.unanswered else OK

@@ -30,7 +30,7 @@ def write_pictures(bag: Path, truth: RecordArray, run: Run, fps: float, video: P
     written.
     """
     frames, tiles = BagFrames(bag), []
-    chosen = set(spread_over(len(run.stamps_ns), TILES))
+    chosen = {run.wanted[place] for place in spread_over(len(run.wanted), TILES)}
     with VideoWriter(video, fps) as movie:
         for frame in track(frames, frames.frame_count, 'draw'):
             moving = truth[(truth['frame'] == frame.index) & (truth['moving'] == 1)]

@@ -9,7 +9,7 @@ import numpy as np
 
 from motion_detect_ros.core.types import RecordArray
 from motion_detect_ros.results.evaluation import WARM_UP_FRAMES
-from motion_detect_ros.results.metrics import IGNORED, Score, boxes_of, score_boxes
+from motion_detect_ros.results.metrics import IGNORED, MOVING_ONLY, Score, boxes_of, frame_counts
 from motion_detect_ros.results.summary import Percentiles
 
 IOUS = (0.3, 0.5)
@@ -23,18 +23,24 @@ class Run:
 
     stamps_ns: of the images, in order. records: ``DETECTION_DTYPE`` by frame index, an entry for every image that
     got a message. messages: detections messages received. times_ms: per image with a message, from image to detections
-    (live, NaN where unknown) or compute time (in process).
+    (live, NaN where unknown) or compute time (in process). left_out: frame indices that the settings leave out.
     """
 
     stamps_ns: tuple[int, ...]
     records: Mapping[int, RecordArray]
     messages: int
     times_ms: tuple[float, ...]
+    left_out: frozenset[int] = frozenset()
+
+    @property
+    def wanted(self) -> tuple[int, ...]:
+        """Frame indices of the images that are to get a detections message."""
+        return tuple(frame for frame in range(len(self.stamps_ns)) if frame not in self.left_out)
 
     @property
     def unanswered(self) -> int:
-        """Images that got no detections message."""
-        return len(self.stamps_ns) - len(self.records)
+        """Images that got no detections message and were to get one."""
+        return len(self.wanted) - len(self.records)
 
 
 @dataclass(frozen=True)
@@ -54,9 +60,12 @@ def without_small(truth: RecordArray) -> RecordArray:
 
 
 def score_rows(truth: RecordArray, run: Run) -> list[ScoreRow]:
-    """Moving objects only, of all sizes and without the small ones; the first frames, which confirm, not counted."""
+    """Moving objects only, of all sizes and without the small ones; the first frames, which confirm, and those that the
+    settings leave out not counted.
+    """
     boxes = {frame: boxes_of(records) for frame, records in run.records.items()}
-    return [ScoreRow(what, iou, score_boxes(wanted, boxes, iou, skip=WARM_UP_FRAMES, frames=len(run.stamps_ns)))
+    frames = [frame for frame in run.wanted if frame >= WARM_UP_FRAMES]
+    return [ScoreRow(what, iou, Score.of(frame_counts(wanted, boxes, iou, MOVING_ONLY, frames)))
             for what, wanted in (('all', truth), ('32 x 32 px and larger', without_small(truth))) for iou in IOUS]
 
 
@@ -79,6 +88,8 @@ def table(truth: RecordArray, run: Run, offline: Run | None = None) -> Iterator[
     times, clock = Percentiles.of(known), 'image to detections' if offline else 'compute time a frame'
     objects = {int(ident) for records in run.records.values() for ident in records['id']}
     yield f'  {"images in":<28}{len(run.stamps_ns)}'
+    if run.left_out:
+        yield f'  {"left out by the settings":<28}{len(run.left_out)}'
     yield f'  {"detections messages out":<28}{run.messages}'
     yield f'  {"images dropped":<28}{run.unanswered}'
     yield f'  {"boxes, objects":<28}{sum(map(len, run.records.values()))}, {len(objects)}'

@@ -76,6 +76,14 @@ class TestTable:
                       'all 0.3 0.500 0.450 0.474 0.90 20'):
             assert words in ' '.join(lines.split()), lines
 
+    def test_images_that_the_settings_leave_out_are_no_misses(self) -> None:
+        """Every second image is asked for and the car found in all of these; without that, recall is half of it."""
+        answers = [detections((100, 100, 60, 40)) if frame % 2 == 0 else None for frame in range(FRAMES)]
+        run = replace(a_run(*answers), left_out=frozenset(range(1, FRAMES, 2)))
+        score = next(row.score for row in score_rows(two_movers(), run) if row.what != 'all')
+        assert (score.recall, score.frames, run.unanswered) == (1.0, 5, 0)
+        assert next(row.score for row in score_rows(two_movers(), a_run(*answers)) if row.what != 'all').recall == 0.5
+
     def test_largest_difference(self) -> None:
         one = a_run(detections((10, 10, 40, 40), (90, 90, 40, 40)))
         assert largest_difference(one, one) == 0
@@ -190,6 +198,40 @@ def test_live_over_dds(tmp_path: Path) -> None:
     assert 'largest difference to it 0 px' in words
     check_files(tmp_path)
 
+
+def decimating(folder: Path, keep: int, of: int) -> Path:
+    path = folder / 'few.yaml'
+    path.write_text(f'/**: {{ros__parameters: {{load: {{decimation_keep: {keep}, decimation_of: {of}}}}}}}')
+    return path
+
+
+def check_decimated(done: subprocess.CompletedProcess[str], folder: Path) -> None:
+    """2 of 5 of 20 images: all that are asked for."""
+    assert done.returncode == 0, done.stdout + done.stderr
+    words = ' '.join(done.stdout.split())
+    assert 'images in 20 left out by the settings 12 detections messages out 8 images dropped 0' in words
+    kept = [START_NS + frame * PERIOD_NS for frame in range(FRAMES) if frame % 5 < 2]
+    assert stamps_in(folder / 'detections.mcap', '/detections') == kept
+
+
+def test_settings_that_leave_images_out_over_dds(tmp_path: Path) -> None:
+    """The end waits for no more images than were asked for, and those are as in one process."""
+    pytest.importorskip('rclpy')
+    done = demo('--frames', str(FRAMES), '-o', tmp_path / 'out', '--preset', decimating(tmp_path, 2, 5))
+    check_decimated(done, tmp_path / 'out')
+    assert 'largest difference to it 0 px' in ' '.join(done.stdout.split())
+
+
+def test_settings_that_leave_images_out_offline(tmp_path: Path) -> None:
+    done = demo('--offline', '--frames', str(FRAMES), '-o', tmp_path / 'out', '--preset', decimating(tmp_path, 2, 5))
+    check_decimated(done, tmp_path / 'out')
+
+
+def test_settings_that_leave_all_images_out_that_count(tmp_path: Path) -> None:
+    """Of the first image alone there is nothing to score, which ends nothing."""
+    done = demo('--offline', '--frames', str(FRAMES), '-o', tmp_path / 'out', '--preset', decimating(tmp_path, 1, 30))
+    assert (done.returncode, done.stderr.count('Traceback')) == (0, 0), done.stderr
+    assert 'left out by the settings 19 detections messages out 1' in ' '.join(done.stdout.split())
 
 
 def test_without_ros_says_what_to_install(tmp_path: Path) -> None:
