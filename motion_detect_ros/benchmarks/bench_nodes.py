@@ -30,7 +30,7 @@ class NodeProcesses:
     ) -> None:
         self._nodes, self._arguments = nodes, ['-r', f'__ns:=/{namespace}']
         for parameter in parameters:
-            self._arguments += ['--params-file' if parameter.endswith('.yaml') else '-p', parameter]
+            self._arguments += ['-p' if ':=' in parameter else '--params-file', parameter]
         self._lock = lock_of(domain_id)
         self._log = Path(tempfile.mkdtemp(prefix='motion_detect_'))
         self._environment = {

@@ -17,7 +17,7 @@ from motion_detect_ros.benchmarks.feeder import Answer, Feeder
 from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import ByteArray
-from motion_detect_ros.presets import find_config
+from motion_detect_ros.presets import preset_path
 from motion_detect_ros.sources.synthetic import FlightConfig
 
 #: The graphs under measurement; the fourth node of ``four nodes`` is the camera, which is this process.
@@ -128,8 +128,8 @@ def feed(feeder: Feeder, processes: NodeProcesses, frames: int) -> list[Answer]:
 
 
 def parameters(preset: str) -> tuple[str, ...]:
-    """The preset as the nodes take it."""
-    return (preset if preset.endswith(('.yaml', '.yml')) else str(find_config(f'{preset}.yaml')),)
+    """The preset as the nodes take it. Raises: ConfigError where there is none."""
+    return (str(preset_path(preset)),)
 
 
 def _latency(name: str, answers: list[Answer], images: int, rate_hz: float, compute_ms: float) -> Latency:
