@@ -28,6 +28,8 @@ NOT_PRESENTED = -1
 CONTESTED = 1
 #: Maximum number of learning passes over a frame; assignments settle after two to four.
 MAX_PASSES = 5
+#: Names are uint32; after the last one comes 1 again.
+MAX_NAME = 0xFFFFFFFF
 #: Default frame period, and rounding tolerance of sums of periods, seconds.
 PERIOD_S = 0.04
 
@@ -178,7 +180,7 @@ class Art2Network(ABC, Generic[F1]):
             self.prototypes = np.vstack([self.prototypes, self._commitment(f1, novel)])
             self._names = np.append(self._names, np.uint32(self._next_name))
             self._idle_s = np.append(self._idle_s, 0.0)
-            self._next_name += 1
+            self._next_name = self._next_name % MAX_NAME + 1
             self._compete_new(f1, labels, match)
 
     def _merge(self, labels: LabelArray) -> bool:

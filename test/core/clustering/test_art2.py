@@ -166,6 +166,15 @@ def test_background_stays_at_zero_and_unknown_vectors_are_not_presented():
     np.testing.assert_array_equal(art2.prototypes[0], [0, 0])
 
 
+def test_names_begin_again_after_the_last_one_that_a_message_can_hold():
+    """200 neurons that are forgotten every 0.4 s use up uint32 in 100 days."""
+    art2 = Art2(Art2Config())
+    art2._next_name = 2 ** 32 - 1
+    for _ in range(2):
+        art2.partial_fit(np.float32([[50, 0], [0, 50], [-50, 0]]))
+    assert sorted(art2.names.tolist()) == [0, 1, 2, 2 ** 32 - 1]
+
+
 def winner_name(art2: Art2, vectors: np.ndarray, dt_s: float = 0.04) -> int:
     """Name of the neuron that wins the second vector."""
     label = art2.partial_fit(vectors, dt_s)[1]
