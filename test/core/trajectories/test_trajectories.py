@@ -266,6 +266,16 @@ def test_a_small_square_gets_points_though_all_of_the_image_changes() -> None:
     assert np.mean(found[25:]) > 0.8
 
 
+@pytest.mark.parametrize(('share', 'reported'), [(0.001, False), (0.003, True)])
+def test_larger_objects_than_the_setting_allows_are_dropped(share: float, reported: bool) -> None:
+    """The square is 14 x 14 of 480 x 320 pixels, 0.0013 of them."""
+    finder = TrajectoryFinder(with_settings(load_preset('visdrone'), {'objects.max_area_share': share}))
+    pan = np.array([[1, 0, -1.3], [0, 1, -0.4], [0, 0, 1]])
+    found = [finder.candidates(prepared(small_mover(index), index), ego(pan, index), CameraModel.guessed(480, 320, 1.0))
+             for index in range(40)]
+    assert any(found) == reported
+
+
 @pytest.mark.parametrize(('hz', 'at_once'), [(10, True), (15, True), (20, False), (25, False), (30, False)])
 def test_objects_are_found_behind_the_frame_where_the_next_one_comes_soon(
     monkeypatch: pytest.MonkeyPatch, hz: int, at_once: bool,
