@@ -55,9 +55,9 @@ def _no_points() -> FloatArray:
 
 @dataclass(frozen=True)
 class Points:
-    """``path``: (N, MAX_FRAMES, 2) positions, pixels, current one first, NaN before a point's start; ``age``: (N,)
-    frames since the start, at most MAX_FRAMES - 1; ``velocity``: (N, 2) beyond the ego-motion, pixels/s; ``number``:
-    (N,) ascending, that of a point for as long as it lives.
+    """``path``: (N, MAX_FRAMES, 2) positions in the ``RecentFrames``, pixels, current one first, NaN before a point's
+    start; ``age``: (N,) how many of these ago it started, at most MAX_FRAMES - 1; ``velocity``: (N, 2) beyond the
+    ego-motion, pixels/s; ``number``: (N,) ascending, that of a point for as long as it lives.
     """
 
     path: FloatArray = field(default_factory=_no_points)
@@ -77,11 +77,19 @@ class Points:
         """The chosen ones."""
         return Points(self.path[chosen], self.age[chosen], self.velocity[chosen], self.number[chosen])
 
-    def moved(self, chosen: npt.NDArray[np.intp], now: FloatArray, velocity: FloatArray) -> Points:
-        """The chosen ones a frame later, at ``now`` with ``velocity``, (N, 2) of all."""
+    def moved(
+        self, chosen: npt.NDArray[np.intp], now: FloatArray, velocity: FloatArray, made_room: int | None = None,
+    ) -> Points:
+        """The chosen ones a frame later, at ``now`` with ``velocity``, (N, 2) of all.
+
+        made_room: number of an earlier frame, counted from that one, that is no longer kept; None = all are.
+        """
+        last = MAX_FRAMES if made_room is None else made_room
         path = np.empty((len(chosen), *self.path.shape[1:]), np.float32)
-        path[:, 0], path[:, 1:] = now[chosen], self.path[chosen, :-1]
-        age = np.minimum(self.age[chosen] + 1, MAX_FRAMES - 1).astype(np.int32)
+        path[:, 0], path[:, 1:last] = now[chosen], self.path[chosen, :last - 1]
+        path[:, last:] = self.path[chosen, last:]
+        age = self.age[chosen]
+        age = np.minimum(age + (age + 1 < last), MAX_FRAMES - 1).astype(np.int32)
         return Points(path, age, velocity[chosen], self.number[chosen])
 
     def started(self, places: FloatArray, first_number: int) -> Points:
@@ -179,7 +187,7 @@ class PointTracker:
         oldest_first = np.argsort(-points.age, kind='stable')
         height, width = current.gray.shape
         one_a_cell = first_of_cells(now, THINNED_PX, width, height, oldest_first[good[oldest_first]])
-        return points.moved(one_a_cell, now, points.velocity + gain * (velocity - points.velocity))
+        return points.moved(one_a_cell, now, points.velocity + gain * (velocity - points.velocity), frames.made_room)
 
 
 def _follow(

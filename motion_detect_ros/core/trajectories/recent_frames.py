@@ -12,7 +12,7 @@ from motion_detect_ros.core.geometry.resizing import averaged
 from motion_detect_ros.core.geometry.warp import at_scale
 from motion_detect_ros.core.types import NANOSECONDS, ByteArray, DoubleArray, EgoMotion, PreparedFrame
 
-#: How long frames are kept, seconds, and how many at most, the current one included.
+#: How long frames are kept, seconds, and how many at most, the current one included: all of 30 a second.
 KEPT_S, MAX_FRAMES = 1.02, 32
 #: Light is estimated on halved images shrunk by this factor, where their smaller side has at least so many pixels.
 LIGHT_SHRINK, LIGHT_SIDE_PX = 8, 40
@@ -36,10 +36,15 @@ class RecentFrame:
 
 
 class RecentFrames:
-    """Current frame first. Emptied where the ego-motion between two of them is missing."""
+    """Current frame first, then the one before it. Emptied where the ego-motion between two of them is missing.
+
+    Of more than ``MAX_FRAMES`` one makes room for the current one, so that at any frame rate the others reach back over
+    ``KEPT_S``. ``made_room``: what its number would be now, None = none has.
+    """
 
     def __init__(self) -> None:
         self._frames: list[RecentFrame] = []
+        self.made_room: int | None = None
 
     def __len__(self) -> int:
         return len(self._frames)
@@ -66,9 +71,12 @@ class RecentFrames:
             self.reset()
         step = at_scale(ego.matrix, frame.scale)
         oldest_ns = frame.stamp_ns - round(KEPT_S * NANOSECONDS)
-        kept = [each for each in self._frames[:MAX_FRAMES - 1] if each.stamp_ns >= oldest_ns]
+        kept = [each for each in self._frames if each.stamp_ns >= oldest_ns]
         self._frames = [RecentFrame(frame.gray, _halved(frame.gray), np.eye(3), frame.stamp_ns),
                         *(RecentFrame(each.gray, each.half, step @ each.matrix, each.stamp_ns) for each in kept)]
+        self.made_room = _least_missed(self._frames) if len(self._frames) > MAX_FRAMES else None
+        if self.made_room is not None:
+            del self._frames[self.made_room]
         return follows
 
     def seconds(self, frames_ago: int) -> float:
@@ -82,6 +90,13 @@ class RecentFrames:
         now_ns = self._frames[0].stamp_ns
         distances = [abs((now_ns - each.stamp_ns) / NANOSECONDS - seconds) for each in self._frames[1:]]
         return distances.index(min(distances)) + 1
+
+
+def _least_missed(frames: list[RecentFrame]) -> int:
+    """Number of the one whose neighbours are closest to each other in time, but for the first two and the last."""
+    stamps = [each.stamp_ns for each in frames]
+    gaps = [after - before for after, before in zip(stamps[1:-2], stamps[3:], strict=True)]
+    return 2 + gaps.index(min(gaps))
 
 
 def _halved(gray: ByteArray) -> ByteArray:
