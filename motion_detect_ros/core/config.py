@@ -218,7 +218,7 @@ class Art2Config:
 class ObjectsConfig:
     """From clusters to boxes."""
 
-    min_side_px: float = setting(6.0, 'smaller boxes are dropped', low=1.0, high=1000.0, unit='px')
+    min_side_px: float = setting(6.0, 'smaller boxes are dropped', low=1.0, high=1000.0, unit='working px')
     max_area_share: float = setting(0.8, 'larger boxes are dropped, share of the image', low=0.001, high=1.0)
     join_match: float = setting(
         0.5, 'neighbouring clusters whose match is at least this are one object', low=0.0, high=1.0)
@@ -227,7 +227,7 @@ class ObjectsConfig:
         low=0.1, high=100.0)
     peak_share: float = setting(
         0.15, 'pixels whose gain is under this share of the strongest ones are shadow or blur', low=0.0, high=1.0)
-    closing_px: int = setting(5, 'gaps in an object up to this size, made odd, are closed', low=1, high=99, unit='px')
+    closing_px: int = setting(5, 'gaps in objects up to this, made odd, are closed', low=1, high=99, unit='working px')
 
 
 @dataclass(frozen=True)

@@ -578,6 +578,11 @@ class TestSettings:
                 continue
             assert metadata['choices'] or (metadata['low'] is not None and metadata['high'] is not None), name
 
+    @pytest.mark.parametrize('name', ['objects.min_side_px', 'objects.closing_px'])
+    def test_pixels_that_are_not_those_of_the_image_are_said_to_be_others(self, name):
+        units = {each: metadata['unit'] for each, _, metadata in settings(PipelineConfig())}
+        assert units[name] == 'working px'
+
     @pytest.mark.parametrize(('name', 'value', 'message'), [
         ('art2.vigilance', 1.5, r'art2.vigilance: expected 0.0 to 1.0, got 1.5'),
         ('art2.vigilance', 'high', r"art2.vigilance: expected float, got str 'high'"),
