@@ -117,6 +117,7 @@ class Track:
 
     def update(self, seen: Candidate, dt_s: float) -> None:
         """Correct with a detection's centre and flow velocity (Kalman 1960); sizes are averaged, log odds add up."""
+        self._found_at(_pair(seen.centre))
         self._filter.correct(_pair(seen.centre), _pair(seen.velocity_px_s), self._noise())
         (width, height), (seen_width, seen_height) = self.size, _pair(seen.size)
         self.size = _averaged(width, seen_width), _averaged(height, seen_height)
@@ -126,7 +127,6 @@ class Track:
         self.coasted_s, self.coasted_frames = 0.0, 0
         self.recognised_s = 0.0
         self._log_odds_seen = self.log_odds
-        self.gate_inflation_px = 0.0
 
     def coast_missed(self, dt_s: float) -> None:
         """A frame without a detection of the object."""
@@ -139,11 +139,11 @@ class Track:
         centre: full-resolution pixels; dt_s: since the last frame, seconds; appearance_hold_s: over 0, seconds.
         """
         self.recognised_s += dt_s
+        self._found_at(centre)
         self._filter.correct_place(centre, MIN_CENTRE_PX ** 2)
         self._filter.slow(kept(dt_s, REST_S))
         self.log_odds = self._log_odds_seen * max(0.0, 1.0 - self.recognised_s / appearance_hold_s)
         self.coasted_s, self.coasted_frames = 0.0, 0
-        self.gate_inflation_px = 0.0
 
     def coast_unobserved(self, dt_s: float) -> None:
         """A frame in which detection was impossible: the log odds decay, nothing is added."""
@@ -157,6 +157,12 @@ class Track:
         period_s = self.coasted_s / self.coasted_frames
         return seconds > 0.0 and (
             self.coasted_frames == 1 or not exceeded(self.coasted_s, seconds, period_s))
+
+    def _found_at(self, centre: Pair) -> None:
+        """It is at ``centre`` now; after a time without ego-motion what that is off is the camera's way."""
+        if self.gate_inflation_px:
+            self._travel.jump((centre[0] - self.centre[0], centre[1] - self.centre[1]))
+        self.gate_inflation_px = 0.0
 
     def _coast(self, dt_s: float) -> None:
         self.coasted_s += dt_s

@@ -34,6 +34,10 @@ class Travel:
         self._start, _ = carried_pair(rows, self._start, _AT_REST, dt_s)
         self._seconds += dt_s
 
+    def jump(self, way: Pair) -> None:
+        """The picture turns out to have gone so far, pixels, beyond what was told before."""
+        self._start = self._start[0] + way[0], self._start[1] + way[1]
+
     def log_odds(self, centre: Pair, size: Pair) -> float:
         """What the way adds for an object that is now at ``centre``, of ``size``, pixels."""
         if self._seconds < TRAVELLED_S:

@@ -262,6 +262,18 @@ class TestMissingEgoMotion:
         records = tracker.step([], np.eye(3), DT_S, 640, 480)
         assert records['u'][0] == pytest.approx(155 + 100 * 0.45, abs=1.0)
 
+    @pytest.mark.parametrize(('step_px', 'reported'), [(0.0, False), (2.0, True)])
+    def test_the_way_of_the_camera_is_not_that_of_a_faint_object(self, step_px: float, reported: bool):
+        """Every third frame is missing while the camera pans by 3 px a frame: 120 px in all, 5 sizes of the object."""
+        tracker, pan, counts = Tracker(CONFIG), np.array([[1, 0, 3.0], [0, 1, 0], [0, 0, 1]]), []
+        for index in range(120):
+            if index % 3 == 2:
+                tracker.coast_without_frame(DT_S, 640)
+                continue
+            faint = candidate(50 + (step_px + 3.0) * index, 100, (step_px / DT_S, 0.0), (30.0, 19.2), log_odds=-0.3)
+            counts.append(len(tracker.step([faint], pan, DT_S, 640, 480)))
+        assert any(counts) == reported
+
     def test_known_motion_of_the_camera_is_used_even_when_nothing_was_looked_for(self):
         tracker, pan = Tracker(CONFIG), np.array([[1, 0, 60.0], [0, 1, 0], [0, 0, 1]])
         self.steady(tracker)
