@@ -162,7 +162,8 @@ def _row(each: TrackedObject, pictures: Pictures) -> dict[str, Any]:
 
 def _film_seconds(parts: Parts) -> list[float]:
     rows = np.searchsorted(parts.replayed.frames['frame'], parts.pictures.film_frames)
-    return [round(value, 4) for value in parts.replayed.seconds(parts.replayed.frames['frame'][rows]).tolist()]
+    # the page takes moments within a microsecond for the same
+    return [round(value, 6) for value in parts.replayed.seconds(parts.replayed.frames['frame'][rows]).tolist()]
 
 
 def _boxes(parts: Parts) -> list[list[list[float]]]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import results_by_hand
 from results_by_hand import BIT_CENTRES, FRAMES, OBJECTS, number_of, write_pictures, write_results, write_truth
 
 from motion_detect_ros.__main__ import main
@@ -291,3 +292,17 @@ def test_missing_library_is_named(report: Path, monkeypatch: pytest.MonkeyPatch,
     assert main(['report', str(report.parent)]) == 2
     assert capsys.readouterr().err == 'error: expected plotly, not installed: pip install plotly\n'
     assert report.read_bytes() == before
+
+
+def test_a_moment_is_shown_with_its_own_picture_at_any_rate(
+    browser: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """At 30 frames/s frame 20 is at 0.6667 s, a little later than it really is."""
+    monkeypatch.setattr(results_by_hand, 'FPS', 30.0)
+    results = write_results(tmp_path / 'out', str(write_pictures(tmp_path / 'pictures')), fps=30.0)
+    assert main(['report', str(results)]) == 0
+    open_page(browser, results / 'report.html')
+    row = browser.find_element('css selector', 'tr[data-object="3"]')
+    assert float(row.get_attribute('data-seconds')) == pytest.approx(OBJECTS[3][0].start / 30)
+    row.click()
+    assert frame_shown(browser, OBJECTS[3][0].start) == OBJECTS[3][0].start
