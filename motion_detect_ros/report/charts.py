@@ -9,7 +9,8 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from motion_detect_ros.core.types import DoubleArray, RecordArray
+from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.types import DoubleArray, EgoStatus, RecordArray
 from motion_detect_ros.report.judged import Judged
 from motion_detect_ros.report.objects import TrackedObject
 from motion_detect_ros.report.replayed import Replayed
@@ -24,6 +25,8 @@ STAGE_COLORS = {'preprocessing': '#9db4c8', 'ego_motion': '#2a7de1', 'optical_fl
 _INK, _GRID, _ALERT, _SECOND = '#1f2a37', '#e6eaf0', '#d6336c', '#f0a202'
 _FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif'
 _TIME_TITLE = 'time in s'
+#: Status of frames that later motions start from, though they have none themselves.
+_ANEW = [status.name.lower() for status in (EgoStatus.FIRST_FRAME, EgoStatus.TIME_JUMP, EgoStatus.SIZE_CHANGE)]
 
 
 def timeline(objects: Sequence[TrackedObject], duration_s: float) -> go.Figure:
@@ -110,15 +113,34 @@ def camera_motion(replayed: Replayed) -> tuple[DoubleArray, DoubleArray, DoubleA
     """How the picture moves: its centre right and down, px/s, clockwise turn, degrees/s, enlargement, %/s; each (N,),
     NaN where unknown.
     """
-    frames = replayed.frames
-    step = np.diff(replayed.seconds(frames['frame']), prepend=np.nan)
-    step[~(step > 0)] = np.nan
+    frames, step = replayed.frames, motion_steps_s(replayed)
     x, y = ((length - 1) / 2 for length in replayed.summary.image_size)
     shift_x = frames['m00'] * x + frames['m01'] * y + frames['m02'] - x
     shift_y = frames['m10'] * x + frames['m11'] * y + frames['m12'] - y
     turn = np.degrees(np.arctan2(frames['m10'] - frames['m01'], frames['m00'] + frames['m11']))
     zoom = np.sqrt(np.abs(frames['m00'] * frames['m11'] - frames['m01'] * frames['m10'])) - 1
     return shift_x / step, shift_y / step, turn / step, 100 * zoom / step
+
+
+def motion_steps_s(replayed: Replayed) -> DoubleArray:
+    """(N,) seconds that the ego-motion of each processed frame spans, NaN where unknown.
+
+    It starts at the last frame with a motion, or at a later one where everything began anew; where that is longer ago
+    than a motion may span, at the frame before.
+    """
+    seconds, usable = replayed.seconds(replayed.frames['frame']), replayed.usable()
+    limit_s = replayed.summary.settings.get('ego_motion.max_gap_s')
+    limit_s = limit_s if isinstance(limit_s, int | float) else PipelineConfig().ego_motion.max_gap_s
+    begins_anew = np.isin(replayed.frames['ego_status'], _ANEW)
+    steps, start_s = np.full(len(seconds), np.nan), np.nan
+    for row, now_s in enumerate(seconds):
+        if now_s - start_s > limit_s:
+            start_s = seconds[row - 1]
+        if usable[row] and now_s > start_s:
+            steps[row] = now_s - start_s
+        if usable[row] or begins_anew[row]:
+            start_s = now_s
+    return steps
 
 
 def stage_times(replayed: Replayed) -> go.Figure:

@@ -61,6 +61,24 @@ def test_camera_motion_is_that_of_a_known_warp(tmp_path: Path):
     assert zoom == pytest.approx(50)
 
 
+def test_camera_motion_over_frames_without_an_estimate(tmp_path: Path):
+    """20 px/s to the right at 10 frames/s. What follows frames without an estimate spans them; what follows a jump of
+    time or of the size does not, nor does what is longer than the longest gap, 1 s, that a motion spans.
+    """
+    rows = [('first_frame', 0.0, None), ('ok', 0.1, 2.0), ('low_texture', 0.2, None), ('outlier_gated', 0.3, None),
+            ('ok', 0.4, 6.0), ('time_jump', 5.0, None), ('ok', 5.1, 2.0), ('low_texture', 5.8, None), ('ok', 6.2, 8.0)]
+    replayed = read_replayed(write_results(tmp_path / 'r', 'nowhere'))
+    frames = np.zeros(len(rows), FRAME_DTYPE)
+    for number, (record, (status, second, shift)) in enumerate(zip(frames, rows, strict=True)):
+        record['frame'], record['stamp_ns'], record['ego_status'] = number, round(1e9 * second), status
+        record['m00'] = record['m11'] = 1 if shift is not None else np.nan
+        record['m02'] = np.nan if shift is None else shift
+    assert replayed.summary.settings['ego_motion.max_gap_s'] == 1.0
+    shift_x, *_ = charts.camera_motion(replace(replayed, frames=frames))
+    assert shift_x[np.isfinite(shift_x)] == pytest.approx(20)
+    assert np.isfinite(shift_x).tolist() == [shift is not None for *_, shift in rows]
+
+
 def test_long_curves_are_averaged_in_groups():
     x, y = np.arange(4500.0), np.full(4500, 7.0)
     y[:3] = np.nan
