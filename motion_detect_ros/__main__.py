@@ -22,6 +22,9 @@ os.environ.setdefault('OPENCV_FFMPEG_LOGLEVEL', '-8')
 os.environ.setdefault('OPENCV_LOG_LEVEL', 'SILENT')
 
 WRONG_USE, PARTIAL = 2, 3
+#: Commands that leave .part files where they are ended, and what they say then.
+_WITH_PARTS, _KEPT = ('demo', 'convert', 'replay'), 'what was written so far is kept in the .part files'
+_STDERR = 2
 
 #: Command -> module that has ``add_arguments`` and ``run``, and what it does in a few words.
 _COMMANDS = {
@@ -47,6 +50,7 @@ class OneLineParser(argparse.ArgumentParser):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command, return its exit code."""
+    _open_closed_streams()
     words = list(sys.argv[1:] if arguments is None else arguments)
     hangs_up = signal.getsignal(signal.SIGHUP) == signal.SIG_DFL  # not under nohup
     interrupt_once(signal.SIGTERM, *[signal.SIGHUP] * hangs_up)
@@ -61,25 +65,48 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if words[:1] == [name]:
             importlib.import_module(f'motion_detect_ros.{module}').add_arguments(sub)
     options = parser.parse_args(words)
+    kept = _KEPT if options.command in _WITH_PARTS else ''
     try:
         module, _ = _COMMANDS[options.command]
-        return int(importlib.import_module(f'motion_detect_ros.{module}').run(options))
+        code = int(importlib.import_module(f'motion_detect_ros.{module}').run(options))
+        sys.stdout.flush()
+        return code
     except MotionDetectError as error:
         print(f'error: {masked(str(error))}', file=sys.stderr)
         return WRONG_USE
     except BrokenPipeError:  # the reader of our output (head, less) has gone
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _give_up_output()
         return 0
     except (FileNotFoundError, PermissionError, IsADirectoryError, NotADirectoryError, FileExistsError) as error:
         print(f'error: {error.filename}: {error.strerror}', file=sys.stderr)
         return WRONG_USE
     except OSError as error:  # no space left, device gone
-        print(f'error: {error}; what was written so far is kept in the .part files', file=sys.stderr)
+        try:
+            sys.stdout.flush()
+        except OSError:
+            _give_up_output()
+        print('; '.join(filter(None, (f'error: {error}', kept))), file=sys.stderr)
         return PARTIAL
     except KeyboardInterrupt as interrupt:  # may say what is kept
-        kept = str(interrupt) or 'what was written so far is kept in the .part files'
-        print(f'interrupted; {kept}', file=sys.stderr)
+        print('; '.join(filter(None, ('interrupted', str(interrupt) or kept))), file=sys.stderr)
         return PARTIAL
+
+
+def _open_closed_streams() -> None:
+    """Print into nothing where standard output or error is closed: else messages would go from one to the other, and
+    files would get the numbers to which libraries in C print.
+    """
+    if sys.stdout is None or sys.stderr is None:
+        while (free := os.open(os.devnull, os.O_RDWR)) <= _STDERR:
+            pass
+        os.close(free)
+        sys.stdout, sys.stderr = (stream or os.fdopen(os.open(os.devnull, os.O_WRONLY), 'w')
+                                  for stream in (sys.stdout, sys.stderr))
+
+
+def _give_up_output() -> None:
+    """Print into nothing from now on: what waits to be printed would fail again at the end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 if __name__ == '__main__':
