@@ -17,7 +17,7 @@ from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import DoubleArray, RecordArray, empty_detections
 from motion_detect_ros.results.files import CSV_NAME, FRAMES_NAME, SUMMARY_NAME
 from motion_detect_ros.results.summary import takes_part
-from motion_detect_ros.sources.truth import finite_box
+from motion_detect_ros.sources.truth import check_place, finite_box, whole_number
 
 _BOX_COLUMNS = ('frame', 'x', 'y', 'w', 'h')
 
@@ -40,14 +40,16 @@ def read_found(path: Path) -> Found:
     ids: defaultdict[int, list[int]] = defaultdict(list)
     try:
         with path.open(newline='', encoding='utf-8-sig') as stream:
-            reader = csv.DictReader(stream)
+            reader = csv.DictReader(stream, skipinitialspace=True)
             missing = [name for name in _BOX_COLUMNS if name not in (reader.fieldnames or [])]
             if missing:
                 raise SourceError(f'{path}: column {", ".join(missing)} is missing; expected frame,x,y,w,h')
             for cells in reader:
-                frame = int(float(cells['frame']))
-                rows[frame].append(finite_box([cells[name] for name in _BOX_COLUMNS[1:]]))
-                ids[frame].append(int(float(cells.get('id') or -1)))
+                frame = whole_number(cells['frame'], 'frame')
+                box = finite_box([cells[name] for name in _BOX_COLUMNS[1:]])
+                check_place(frame, box[2], box[3])
+                rows[frame].append(box)
+                ids[frame].append(whole_number(cells.get('id') or '-1', 'id'))
     except OSError as error:
         raise SourceError(f'{path}: detections cannot be read: {error.strerror}') from None
     except UnicodeDecodeError:

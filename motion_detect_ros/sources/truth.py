@@ -17,6 +17,7 @@ from motion_detect_ros.sources.part_file import part_of
 CSV_COLUMNS = ('frame', 'id', 'x', 'y', 'w', 'h', 'moving')
 
 _MOVES, _IGNORED = 1, -1
+_MOVING = (_MOVES, 0, _IGNORED)
 _VISDRONE_COLUMNS = 10
 _VISDRONE_IGNORED_REGION = 0
 _KITTI_COLUMNS = 17
@@ -64,16 +65,17 @@ def load_truth(path: str | Path) -> Truth:
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else 'no text'
         raise SourceError(f'{path}: truth cannot be read: {reason}') from None
-    first = next((line for line in lines if line.strip()), '')
-    if 'frame' in first.split(','):
-        return _load_csv(path, lines)
+    blank = next((number for number, line in enumerate(lines) if line.strip()), 0)
+    first = lines[blank] if lines else ''
+    if 'frame' in [cell.strip(' "') for cell in first.split(',')]:
+        return _load_csv(path, lines[blank:], blank)
     cells = first.strip().rstrip(',').split(',')
     if len(cells) == _VISDRONE_COLUMNS and all(cell.strip().isdigit() for cell in cells[7:]):
-        return Truth(_parse(path, lines, ',', _visdrone_row), 'VisDrone MOT annotation', False, 1)
+        return Truth(_parse(path, lines, ',', _visdrone_row, 1), 'VisDrone MOT annotation', False, 1)
     if len(cells) in _MOT_COLUMNS:
-        return Truth(_parse(path, lines, ',', _mot_row), 'MOT Challenge annotation', False, 1)
+        return Truth(_parse(path, lines, ',', _mot_row, 1), 'MOT Challenge annotation', False, 1)
     if len(first.split()) == _KITTI_COLUMNS:
-        return Truth(_parse(path, lines, None, _kitti_row), 'KITTI tracking labels', False, 0)
+        return Truth(_parse(path, lines, None, _kitti_row, 0), 'KITTI tracking labels', False, 0)
     raise SourceError(
         f'{path}: first line {first[:60]!r}; expected a VisDrone annotation (10 columns, commas), a MOT Challenge '
         'annotation (6 to 10 columns, commas), KITTI tracking labels (17 columns, blanks) or a CSV with header '
@@ -91,6 +93,22 @@ def finite_box(cells: Sequence[str]) -> list[float]:
     return box
 
 
+def whole_number(cell: str, what: str) -> int:
+    """The number of a cell, which may be written as 3.0. what: its column. Raises: ValueError where it is none."""
+    number = float(cell)
+    if not number.is_integer():
+        raise ValueError(f'{what}: expected a whole number, got {cell.strip()}')
+    return int(number)
+
+
+def check_place(frame: int, width: float, height: float, first: int = 0) -> None:
+    """first: what the file calls frame 0. Raises: ValueError for a frame before it, or a box of negative size."""
+    if frame < 0:
+        raise ValueError(f'expected frame {first} or later, got {frame + first}')
+    if width < 0 or height < 0:
+        raise ValueError(f'expected a width and height of 0 or more, got {width:g}, {height:g}')
+
+
 def write_truth(path: str | Path, boxes: RecordArray, says_what_moves: bool = True) -> None:
     """Write boxes of ``TRUTH_DTYPE`` as CSV with all columns, whole or not at all; numbers read back exactly.
 
@@ -105,20 +123,22 @@ def write_truth(path: str | Path, boxes: RecordArray, says_what_moves: bool = Tr
     part.replace(path)
 
 
-def _parse(path: Path, lines: list[str], separator: str | None, parse_row: _RowParser) -> RecordArray:
+def _parse(path: Path, lines: list[str], separator: str | None, parse_row: _RowParser, first: int) -> RecordArray:
     rows = []
     for number, line in enumerate(lines, 1):
         if line.strip():
             try:
                 row = parse_row(line.strip().rstrip(separator).split(separator))
-                rows += [_fitting(row)] if row else []
+                rows += [_fitting(row, first)] if row else []
             except (ValueError, IndexError, OverflowError) as error:
                 raise SourceError(f'{path}, line {number}: {error}') from None
     return np.array(rows, TRUTH_DTYPE)
 
 
-def _fitting(row: _Row) -> _Row:
-    """The row. Raises: OverflowError where a number of it does not fit its field."""
+def _fitting(row: _Row, first: int = 0) -> _Row:
+    """The row. Raises: ValueError as ``check_place``, OverflowError where a number of it does not fit its field."""
+    frame, _, _, _, width, height, _ = row
+    check_place(frame, width, height, first)
     np.array([row], TRUTH_DTYPE)
     return row
 
@@ -142,15 +162,17 @@ def _mot_row(cells: list[str]) -> _Row | None:
         return None
     x, y, w, h = finite_box(cells[2:6])
     counts = _mot_number(cells, 6, 1) != 0 and kind not in _MOT_UNSURE
-    return int(float(cells[0])) - 1, int(float(cells[1])), x - 1, y - 1, w, h, _MOVES if counts else _IGNORED
+    return (whole_number(cells[0], 'frame') - 1, whole_number(cells[1], 'id'), x - 1, y - 1, w, h,
+            _MOVES if counts else _IGNORED)
 
 
 def _mot_number(cells: list[str], column: int, otherwise: int) -> int:
     return int(float(cells[column])) if len(cells) > column and cells[column].strip() else otherwise
 
 
-def _load_csv(path: Path, lines: list[str]) -> Truth:
-    reader = csv.DictReader(lines)
+def _load_csv(path: Path, lines: list[str], skipped: int) -> Truth:
+    """skipped: blank lines before these."""
+    reader = csv.DictReader(lines, skipinitialspace=True)
     rows: list[_Row] = []
     unsaid = said = False
     try:
@@ -163,13 +185,15 @@ def _load_csv(path: Path, lines: list[str]) -> Truth:
             unsaid |= not cells.get('moving')
             said |= bool(cells.get('moving')) and rows[-1][-1] != _IGNORED
     except (ValueError, TypeError, OverflowError) as error:
-        raise SourceError(f'{path}, line {reader.line_num}: {error}') from None
+        raise SourceError(f'{path}, line {skipped + reader.line_num}: {error}') from None
     except csv.Error as error:  # the line is not counted yet
-        raise SourceError(f'{path}, line {reader.line_num + 1}: {error}') from None
+        raise SourceError(f'{path}, line {skipped + reader.line_num + 1}: {error}') from None
     return Truth(np.array(rows, TRUTH_DTYPE), 'CSV', 'moving' in columns and (said or not unsaid))
 
 
 def _csv_row(cells: dict[str, str]) -> _Row:
     x, y, w, h = finite_box([cells[name] for name in ('x', 'y', 'w', 'h')])
-    return (int(float(cells['frame'])), int(float(cells.get('id') or 0)), x, y, w, h,
-            int(float(cells.get('moving') or _MOVES)))
+    moving = whole_number(cells.get('moving') or str(_MOVES), 'moving')
+    if moving not in _MOVING:
+        raise ValueError(f'moving: expected 1, 0 or -1, got {moving}')
+    return whole_number(cells['frame'], 'frame'), whole_number(cells.get('id') or '0', 'id'), x, y, w, h, moving

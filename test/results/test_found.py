@@ -18,6 +18,11 @@ HEADER = 'frame,id,x,y,w,h\n'
     ('1,1,1,2,3,-inf', 'expected a box of finite numbers, got 1, 2, 3, -inf'),
     ('1,1,1,2,3', "expected a box of four numbers, got '1', '2', '3', None"),
     ('1,1,1,2,x,4', "expected a box of four numbers, got '1', '2', 'x', '4'"),
+    ('1.7,1,1,2,3,4', 'frame: expected a whole number, got 1.7'),
+    ('inf,1,1,2,3,4', 'frame: expected a whole number, got inf'),
+    ('-1,1,1,2,3,4', 'expected frame 0 or later, got -1'),
+    ('1,1.5,1,2,3,4', 'id: expected a whole number, got 1.5'),
+    ('1,1,1,2,3,-4', 'expected a width and height of 0 or more, got 3, -4'),
     ('1,1,' + '9' * 131073 + ',2,3,4', 'field larger than field limit'),
 ])
 def test_bad_cells_are_named_by_file_and_line(tmp_path: Path, row: str, message: str) -> None:

@@ -81,6 +81,14 @@ def test_csv_with_and_without_moving(tmp_path: Path) -> None:
         assert load_truth(write(tmp_path / 'c.csv', header + cells)).says_what_moves == says
 
 
+@pytest.mark.parametrize('text', [
+    '"frame","id","x","y","w","h"\n4,7,1,2,3,4\n', 'frame, id, x, y, w, h\n4, 7, 1, 2, 3, 4\n',
+    '\r\nframe,id,x,y,w,h\r\n4.0,7.0,1,2,3,4\r\n', 'x,y,w,h,"id","frame"\n1,2,3,4,7,"4"\n'])
+def test_csv_as_other_programs_write_it(tmp_path: Path, text: str) -> None:
+    truth = load_truth(write(tmp_path / 'a.csv', text))
+    assert (truth.boxes.tolist(), truth.form) == ([(4, 7, 1, 2, 3, 4, 1)], 'CSV')
+
+
 def test_written_truth_reads_back_exactly(tmp_path: Path) -> None:
     boxes = np.array([(0, 1, 73.6, 0.1, 1 / 3, 26.2, -1), (9, 2, -4.0, 1e-7, 5, 6, 0)], TRUTH_DTYPE)
     write_truth(tmp_path / 'a.csv', boxes)
@@ -98,6 +106,18 @@ def test_written_truth_reads_back_exactly(tmp_path: Path) -> None:
     ('1,1,11,21,inf,40,1,1,1\n', 'line 1: expected a box of finite numbers, got 11, 21, inf, 40'),
     (f'frame,id,x,y,w,h\n1,1,{"9" * 131073},1,1,1\n', 'line 2: field larger than field limit'),
     (f'frame,{"i" * 131073},x,y,w,h\n', 'line 1: field larger than field limit'),
+    ('frame,id,x,y,w,h\n0,1,1,1,1,1\n0.04,1,1,1,1,1\n', 'line 3: frame: expected a whole number, got 0.04'),
+    ('frame,id,x,y,w,h\nnan,1,1,1,1,1\n', 'line 2: frame: expected a whole number, got nan'),
+    ('frame,id,x,y,w,h\n0,1.5,1,1,1,1\n', 'line 2: id: expected a whole number, got 1.5'),
+    ('frame,id,x,y,w,h\n-1,1,1,1,1,1\n', 'line 2: expected frame 0 or later, got -1'),
+    ('frame,id,x,y,w,h\n0,1,1,1,-1,1\n', 'line 2: expected a width and height of 0 or more, got -1, 1'),
+    ('frame,id,x,y,w,h,moving\n0,1,1,1,1,1,0.9\n', 'line 2: moving: expected a whole number, got 0.9'),
+    ('frame,id,x,y,w,h,moving\n0,1,1,1,1,1,2\n', 'line 2: moving: expected 1, 0 or -1, got 2'),
+    ('\n\nframe,id,x,y,w,h\n\n0,1,1,1,1,x\n', "line 5: expected a box of four numbers, got '1', '1', '1', 'x'"),
+    ('1,1,11,21,30,40,1,1,1\n0,1,11,21,30,40,1,1,1\n', 'line 2: expected frame 1 or later, got 0'),
+    ('1.5,1,11,21,30,40,1,1,1\n', 'line 1: frame: expected a whole number, got 1.5'),
+    ('0,0,1,2,3,4,1,4,0,0\n', 'line 1: expected frame 1 or later, got 0'),
+    (f'0 1 Car 0 0 -1.9 50 10 40 20 {KITTI_TAIL}\n', 'line 1: expected a width and height of 0 or more, got -10, 10'),
 ])
 def test_malformed_truth_names_the_line(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(SourceError, match=message):
