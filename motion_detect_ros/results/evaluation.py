@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.core.types import RecordArray
 from motion_detect_ros.results.bootstrap import Bootstrap, resampled_f1
 from motion_detect_ros.results.found import Found, read_found, replayed_frames, replayed_input, window_frames
 from motion_detect_ros.results.metrics import (
@@ -17,6 +19,7 @@ from motion_detect_ros.results.metrics import (
     CountArray,
     FrameVerdict,
     Score,
+    by_frame,
     frame_count,
     frame_counts,
     judge_frame,
@@ -43,13 +46,17 @@ class ClipEvaluation:
     files: Mapping[str, Path]
     late_labels: int = 0
 
+    @cached_property
+    def _labelled(self) -> Mapping[int, RecordArray]:
+        return by_frame(self.truth.boxes)
+
     def counts(self, run: str, counting: str, iou: float) -> CountArray:
         """(F, 3) of ``frame_counts``; counting: a key of ``COUNTINGS``."""
         return frame_counts(self.truth.boxes, self.found[run].boxes, iou, COUNTINGS[counting], self.frames)
 
     def verdict(self, run: str, counting: str, iou: float, frame: int) -> FrameVerdict:
         """What became of each box of one frame."""
-        here = self.truth.boxes[self.truth.boxes['frame'] == frame]
+        here = self._labelled.get(frame, self.truth.boxes[:0])
         return judge_frame(here, self.found[run].boxes.get(frame, NO_BOXES), iou, COUNTINGS[counting])
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from motion_detect_ros.core.errors import BackendError, SourceError
 from motion_detect_ros.core.types import RecordArray, empty_detections
-from motion_detect_ros.results.metrics import boxes_of, boxes_of_truth, judge_frame, overlaps
+from motion_detect_ros.results.metrics import boxes_of, boxes_of_truth, by_frame, judge_frame, overlaps
 
 LOOSE_IOU = 0.3
 IOUS = (LOOSE_IOU, 0.5)
@@ -50,10 +50,10 @@ def sequence(
     truth: ``TRUTH_DTYPE``; detections: ``DETECTION_DTYPE`` by frame; frames: those counted, in order; wanted: values of
     ``moving`` to be found, as in ``results.metrics``. Raises: SourceError where an id is twice in a frame, or below 0.
     """
-    goals, found = [], []
+    goals, found, labelled = [], [], by_frame(truth)
     for frame in frames:
         records = detections.get(frame, empty_detections())
-        verdict = judge_frame(truth[truth['frame'] == frame], boxes_of(records), LOOSE_IOU, wanted)
+        verdict = judge_frame(labelled.get(frame, truth[:0]), boxes_of(records), LOOSE_IOU, wanted)
         goals.append(_identified(verdict.wanted, 'truth', frame))
         found.append(_identified(records[~verdict.ignored], 'detections', frame))
     true_ids, own_ids = _numbers(goals), _numbers(found)

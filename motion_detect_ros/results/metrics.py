@@ -147,12 +147,21 @@ def frame_counts(
     frames: Sequence[int],
 ) -> CountArray:
     """(F, 3) hits, false predictions and wanted boxes of each of ``frames``; the rest as ``score_boxes``."""
-    counts = np.zeros((len(frames), 3), np.int64)
+    counts, labelled = np.zeros((len(frames), 3), np.int64), by_frame(truth)
     for row, frame in zip(counts, frames, strict=True):
-        here = truth[truth['frame'] == frame]
+        if frame not in labelled and frame not in predictions:
+            continue
+        here = labelled.get(frame, truth[:0])
         verdict = judge_frame(here, predictions.get(frame, NO_BOXES), iou_threshold, wanted)
         row[:] = verdict.hit.sum(), (~verdict.hit & ~verdict.ignored).sum(), len(verdict.wanted)
     return counts
+
+
+def by_frame(truth: RecordArray) -> dict[int, RecordArray]:
+    """The records of each frame that has some, in their order."""
+    ordered = truth[np.argsort(truth['frame'], kind='stable')]
+    frames, starts = np.unique(ordered['frame'], return_index=True)
+    return dict(zip(frames.tolist(), np.split(ordered, starts[1:]), strict=False))  # of nothing one empty part
 
 
 def frame_count(truth: RecordArray, predictions: Iterable[int]) -> int:

@@ -6,6 +6,7 @@ import csv
 import json
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,16 @@ from hypothesis.extra.numpy import arrays
 
 from motion_detect_ros.core.types import TRUTH_DTYPE
 from motion_detect_ros.results.evaluation import ClipEvaluation, Figure, evaluate_clip, figure_of
-from motion_detect_ros.results.metrics import COUNTINGS, MOVING_AND_STANDING, match, overlaps, score_boxes
+from motion_detect_ros.results.metrics import (
+    COUNTINGS,
+    IGNORED,
+    MOVING_AND_STANDING,
+    MOVING_ONLY,
+    frame_counts,
+    match,
+    overlaps,
+    score_boxes,
+)
 from motion_detect_ros.sources.truth import write_truth
 
 SQUARE = np.array([[0.0, 0.0, 10.0, 10.0]])
@@ -47,6 +57,22 @@ def test_best_overlap_goes_first() -> None:
     predicted = boxes((4, 0, 10, 10), (0, 0, 10, 10))
     wanted = boxes((0, 0, 10, 10), (8, 0, 10, 10))
     assert match(predicted, wanted, 0.3).tolist() == [True, True]
+
+
+def test_labels_are_looked_through_once_not_for_every_frame() -> None:
+    """200,000 labels in the first of 100,000 frames: once takes 0.2 s, for every frame 40."""
+    truth = np.zeros(200_000, TRUTH_DTYPE)
+    truth['moving'] = IGNORED
+    begun = time.process_time()
+    counts = frame_counts(truth, {99_999: SQUARE}, 0.5, MOVING_ONLY, range(100_000))
+    assert time.process_time() - begun < 8.0
+    assert counts.sum(axis=0).tolist() == [0, 1, 0]
+
+
+def test_unsorted_labels_count_where_they_belong() -> None:
+    truth = truth_of((2, 0, 0, 10, 10, 1), (0, 50, 50, 10, 10, 1), (2, 50, 50, 10, 10, 1), (0, 0, 0, 10, 10, 1))
+    found = {0: boxes((50, 50, 10, 10), (0, 0, 10, 10)), 2: boxes((0, 0, 10, 10), (99, 99, 10, 10))}
+    assert frame_counts(truth, found, 0.5, MOVING_ONLY, [2, 1, 0]).tolist() == [[1, 1, 2], [0, 0, 0], [2, 0, 2]]
 
 
 def test_counts_by_hand() -> None:
