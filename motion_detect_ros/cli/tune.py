@@ -27,6 +27,7 @@ from motion_detect_ros.presets import load_preset, node_parameters, write_preset
 from motion_detect_ros.results.clips import truth_of_clips
 from motion_detect_ros.results.files import write_whole
 from motion_detect_ros.results.metrics import COUNTINGS
+from motion_detect_ros.results.ownership import owned
 from motion_detect_ros.sources.opening import check_rate_is_used, source_name
 from motion_detect_ros.tuning.objective import AgreementObjective, Objective, TruthObjective
 from motion_detect_ros.tuning.recording import Recording
@@ -66,8 +67,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Search, write preset and report, return the exit code: 1 where no gain was shown.
 
-    Raises: SourceError for unreadable inputs and wrong numbers; ConfigError for an unknown preset or setting, or
-    one that wants angular rates; BackendError where optuna is missing.
+    Raises: SourceError for unreadable inputs, wrong numbers, and a folder that another process writes; ConfigError for
+    an unknown preset or setting, or one that wants angular rates; BackendError where optuna is missing.
     """
     _check(arguments)
     start, searched = load_preset(arguments.preset), dimensions(arguments.settings)
@@ -78,14 +79,28 @@ def run(arguments: argparse.Namespace) -> int:
     use(start.load.threads)
     _check_outputs(arguments)
     _make_folder(arguments.output)
+    task = _task(arguments, recordings, start, searched)  # before the lock, which may lie in an input
+    with owned(arguments.output):
+        return _tune(arguments, recordings, start, searched, of_nodes, task)
+
+
+def _tune(
+    arguments: argparse.Namespace, recordings: Sequence[Recording], start: PipelineConfig,
+    searched: Sequence[Dimension], of_nodes: dict[str, Any], task: dict[str, Any],
+) -> int:
+    """``run`` in a folder that nobody else writes. Raises: as ``run``."""
     if arguments.force:
         (arguments.output / STORAGE_NAME).unlink(missing_ok=True)
-    study = Study(arguments.output, searched, _task(arguments, recordings, start, searched), arguments.seed)
+    study = Study(arguments.output, searched, task, arguments.seed)
     objective: Objective = (TruthObjective(arguments.counting, arguments.iou) if arguments.truth
                             else AgreementObjective(arguments.iou))
     compile_missing(start)
     tuner = Tuner(recordings, objective, start, searched, arguments.seed)
-    _search(tuner, study, arguments.trials, arguments.time)
+    try:
+        _search(tuner, study, arguments.trials, arguments.time)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f'the trials that ended are kept in {arguments.output / STORAGE_NAME}, the same '
+                                'command goes on with them') from None
     best = study.best
     if best is None:
         raise SourceError('--time: expected enough for a trial; none has ended')

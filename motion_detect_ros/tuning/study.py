@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -42,10 +44,13 @@ class Study:
         self._optuna, self._seed = _optuna(), seed
         self._ranges = {one.name: self._optuna.distributions.FloatDistribution(one.low, one.high, log=one.log)
                         for one in dimensions}
-        path = folder / STORAGE_NAME
+        self._path = path = folder / STORAGE_NAME
         try:
+            # As an address, 'sqlite:///' and the path, ? and % in it would mean something else.
+            storage = self._optuna.storages.RDBStorage(
+                'sqlite://', engine_kwargs={'creator': lambda: sqlite3.connect(path)})
             self._study = self._optuna.create_study(
-                storage=f'sqlite:///{path}', study_name=STUDY_NAME, direction='maximize', load_if_exists=True)
+                storage=storage, study_name=STUDY_NAME, direction='maximize', load_if_exists=True)
             self._claim(path, json.loads(json.dumps(task)))
         except SourceError:
             raise
@@ -87,23 +92,36 @@ class Study:
     def run(self, gain_of: Callable[[Mapping[str, float]], float], trials: int) -> Iterator[Trial]:
         """Trials until there are so many; yields each that ends. Values that contradict each other cost a trial only.
 
-        Raises: ConfigError where ``MOST_REFUSED`` in a row do.
+        Raises: ConfigError where ``MOST_REFUSED`` in a row do, OSError where the file cannot be written any more.
         """
         refused = 0
         while (done := len(self.trials)) < trials:
             self._study.sampler = self._optuna.samplers.TPESampler(seed=self._next_seed())
-            trial = self._study.ask(self._ranges)
+            with self._writing():
+                trial = self._study.ask(self._ranges)
             try:
                 gain = gain_of(rounded(trial.params))
             except ConfigError:
-                trial.set_user_attr(_REFUSED, True)
-                self._study.tell(trial, state=self._optuna.trial.TrialState.FAIL)
+                with self._writing():
+                    trial.set_user_attr(_REFUSED, True)
+                    self._study.tell(trial, state=self._optuna.trial.TrialState.FAIL)
                 if (refused := refused + 1) >= MOST_REFUSED:
                     raise
                 continue
             refused = 0
-            self._study.tell(trial, gain)
+            with self._writing():
+                self._study.tell(trial, gain)
             yield Trial(done, rounded(trial.params), gain)
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Raises: OSError where the file cannot be written, as on a full disk."""
+        from sqlalchemy.exc import SQLAlchemyError
+        try:
+            yield
+        except (SQLAlchemyError, self._optuna.exceptions.StorageInternalError) as error:
+            reason = str(error.__cause__ or error).splitlines()[0]
+            raise OSError(f'{self._path}: cannot be written: {reason}; the trials until then are kept') from None
 
     def _next_seed(self) -> int:
         """From the seed and the trials so far, refused ones too, so that a search that goes on draws what it would

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import platform
 import shutil
 import sys
 from pathlib import Path
@@ -16,6 +18,7 @@ import motion_detect_ros
 from motion_detect_ros.__main__ import main
 from motion_detect_ros.core.threads import limited, threads
 from motion_detect_ros.presets import load_preset, read_parameters
+from motion_detect_ros.results.ownership import owned
 from motion_detect_ros.tuning.objective import TruthObjective
 from motion_detect_ros.tuning.recording import Recording
 
@@ -144,6 +147,38 @@ def test_settings_of_the_user_are_not_overwritten(
     assert mine.read_text() == BAD
     assert [*tmp_path.iterdir()] == [mine]
     assert tune(flight, tmp_path, '--trials', '1', '--force') in (0, 1)
+
+
+def test_a_folder_that_another_search_writes(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Its trials are neither ended nor forgotten by a second one."""
+    with owned(tmp_path):
+        for force in ([], ['--force']):
+            assert tune(flight, tmp_path, '--trials', '1', *force) == 2
+            who = f'process {os.getpid()} on {platform.node()}'
+            assert capsys.readouterr().err == f'error: {tmp_path}: is being written by another process ({who})\n'
+        assert [each.name for each in tmp_path.iterdir()] == ['.writing']
+    assert tune(flight, tmp_path, '--trials', '1') in (0, 1)
+    assert not (tmp_path / '.writing').exists()
+
+
+def test_ctrl_c_says_that_the_trials_are_kept(
+    flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:
+    measure, calls = TruthObjective.measure, []
+
+    def interrupted(*words: object) -> np.ndarray:
+        calls.append(words)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return measure(*words)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(TruthObjective, 'measure', interrupted)
+    words = ('--truth', str(flight / 'flight.csv'), '--trials', '5', '--settings', 'background.noise_floor_px')
+    assert tune(flight, tmp_path, *words) == 3
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        f'interrupted; the trials that ended are kept in {tmp_path}/trials.sqlite3, the same command goes on with them')
 
 
 def test_threads_are_those_of_the_preset(flight: Path, tmp_path: Path) -> None:

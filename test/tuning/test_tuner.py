@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 from collections.abc import Mapping
 from pathlib import Path
 from zlib import crc32
@@ -89,6 +90,26 @@ class TestStudy:
         (tmp_path / 'trials.sqlite3').write_bytes(b'not a data base, but long enough to look at' * 50)
         with pytest.raises(SourceError, match='expected the trials of an earlier search'):
             study_in(tmp_path)
+
+    @pytest.mark.parametrize('name', ['a?b', 'a#b', 'a%20b', 'a%b', "a'b;ä"])
+    def test_folders_of_any_name(self, tmp_path: Path, name: str) -> None:
+        first = [*study_in(tmp_path / name).run(hill, 2)]
+        assert (tmp_path / name / 'trials.sqlite3').is_file()
+        assert [each.name for each in tmp_path.iterdir()] == [name], 'nothing beside the folder'
+        assert study_in(tmp_path / name).trials == first
+
+    def test_a_full_disk_is_said_and_the_trials_stay(self, tmp_path: Path) -> None:
+        study, limits = study_in(tmp_path), resource.getrlimit(resource.RLIMIT_FSIZE)
+        first = next(study.run(hill, 1))
+        size = (tmp_path / 'trials.sqlite3').stat().st_size
+        try:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))  # as if the disk ended there
+            with pytest.raises(OSError, match=rf'^{tmp_path}/trials.sqlite3: cannot be written: '):
+                list(study.run(hill, 500))
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        assert study_in(tmp_path).trials[0] == first
+        assert len([*study_in(tmp_path).run(hill, len(study_in(tmp_path).trials) + 1)]) == 1
 
     def test_start_is_a_trial_where_it_is_searched(self, tmp_path: Path) -> None:
         study = study_in(tmp_path)
