@@ -64,7 +64,7 @@ def _entries(folder: Path, base: Path) -> Iterator[Entry]:
     for file in folder.rglob(SUMMARY_NAME):
         place, report = file.parent, file.with_name(REPORT_NAME)
         name = str(place.relative_to(folder)) if place != folder else place.resolve().name
-        link = quote(Path(os.path.relpath(report, base)).as_posix()) if report.is_file() else ''
+        link = quote(os.fsencode(os.path.relpath(report, base))) if report.is_file() else ''
         try:
             summary = read_summary(place)
             if not summary.complete:

@@ -53,7 +53,7 @@ def write_whole(path: Path, text: str) -> None:
     """Write a small file, whole or not at all. Raises: OSError."""
     part = part_of(path)
     try:
-        part.write_text(text, encoding='utf-8')
+        part.write_text(text, encoding='utf-8', errors='backslashreplace')  # names may be no UTF-8
         part.replace(path)
     except OSError as error:
         with suppress(OSError):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Iterator
 from dataclasses import replace
@@ -302,3 +303,15 @@ class TestPictures:
                 film.add(cv2.warpAffine(texture, turn, (960, 540)))
         minute = len(film.content) * 10
         assert minute * 4 / 3 < 12_000_000, 'as base64, with 3 MB left for all the rest'
+
+
+def test_folders_whose_names_are_no_utf8(tmp_path: Path):
+    """They are shown with what cannot be, and their links lead to them."""
+    pytest.importorskip('jinja2', reason='jinja2 is not installed (extra "report")')
+    folder = tmp_path / os.fsdecode(b'day\xff')
+    results = write_results(folder / os.fsdecode(b'out\xfe 1'), 'nowhere')
+    (results / 'report.html').write_text('')
+    page = make_index(folder).read_text(encoding='utf-8')
+    assert '>out\\udcfe 1</a>' in page
+    assert 'href="out%FE%201/report.html"' in page
+    assert '<h1>day\\udcff</h1>' in page
