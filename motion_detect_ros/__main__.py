@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import io
 import os
 import signal
 import sys
@@ -51,6 +52,8 @@ class OneLineParser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command, return its exit code."""
     _open_closed_streams()
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == 'strict':
+        sys.stdout.reconfigure(errors='backslashreplace')  # as stderr: names may be what the locale cannot hold
     words = list(sys.argv[1:] if arguments is None else arguments)
     hangs_up = signal.getsignal(signal.SIGHUP) == signal.SIG_DFL  # not under nohup
     interrupt_once(signal.SIGTERM, *[signal.SIGHUP] * hangs_up)

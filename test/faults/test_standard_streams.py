@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
-from motion_detect_ros.sources.bags import BagReader
+from motion_detect_ros.sources.bags import BagReader, BagWriter
 
 
 @pytest.fixture
@@ -71,3 +71,17 @@ def test_ctrl_c_promises_nothing_of_a_command_that_writes_nothing(words: list[st
         process.send_signal(signal.SIGINT)
         _, said = process.communicate(timeout=60)
     assert (process.returncode, said) == (3, 'interrupted\n')
+
+
+@pytest.mark.parametrize(('encoding', 'name', 'shown'), [
+    ('utf-8:strict', b'day\xff.mcap', 'day\\udcff.mcap'),  # as in a locale of UTF-8
+    ('ascii:strict', 'tägl.mcap'.encode(), 't\\xe4gl.mcap'),
+])
+def test_names_that_the_output_cannot_hold(tmp_path: Path, encoding: str, name: bytes, shown: str) -> None:
+    bag = tmp_path / os.fsdecode(name)
+    with BagWriter(bag) as writer:
+        writer.write_image(np.zeros((4, 4), np.uint8), 1)
+    done = subprocess.run([sys.executable, '-m', 'motion_detect_ros', 'inspect', bag], capture_output=True, text=True,
+                          env=os.environ | {'PYTHONIOENCODING': encoding}, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, '')
+    assert done.stdout.startswith(f'{tmp_path}/{shown}: 1 readable messages')
