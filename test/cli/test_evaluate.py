@@ -202,6 +202,21 @@ class TestManyClipsAndRuns:
         mean = run_json(capsys, *words)['runs']['good']['mean']['moving@0.5']  # type: ignore[index]
         assert (mean['difference'], mean['difference_interval']) == (0.5, [-1.0, 1.0])
 
+    def test_names_of_runs(
+        self, runs: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        """Of the current folder its own; of several clips all that was typed, not the last of them."""
+        monkeypatch.chdir(runs / 'bad')
+        for words, name in ((['.'], 'bad'), (['a', 'b'], 'a b')):
+            assert main(['evaluate', *words, '--compare', '../good', '--truth', '../truth', '--bootstrap', '0']) == 0
+            assert capsys.readouterr().out.splitlines()[1:3] == [f'A: {name}', 'B: good']
+        (runs / 'good').rename(runs / 'other')
+        (runs / 'other' / 'bad').mkdir()
+        for clip in ('a', 'b'):
+            (runs / 'other' / clip).rename(runs / 'other' / 'bad' / clip)
+        assert main(['evaluate', '.', '--compare', '../other/bad', '--truth', '../truth', '--bootstrap', '0']) == 0
+        assert capsys.readouterr().out.splitlines()[1:3] == ['A: .', 'B: ../other/bad']
+
     def test_one_clip_has_the_name_of_its_truth_and_no_mean(
         self, runs: Path, capsys: pytest.CaptureFixture[str],
     ) -> None:
