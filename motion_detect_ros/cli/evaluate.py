@@ -111,7 +111,7 @@ def _runs(arguments: argparse.Namespace) -> dict[str, dict[str, Path]]:
             raise SourceError(f'--compare: expected different runs, got {path} twice')
         runs[str(path)] = clips_of(path)
     several = ' '.join(map(str, arguments.detections)) if len(arguments.detections) > 1 else None
-    short = [name if name == several else Path(name).resolve().name for name in runs]
+    short = [name if name == several else Path(name).absolute().name for name in runs]
     return dict(zip(short, runs.values(), strict=True)) if len(set(short)) == len(short) else runs
 
 
