@@ -16,6 +16,8 @@ MILLISECONDS = 1000.0
 _EBML, _SEGMENT = b'\x1a\x45\xdf\xa3', b'\x18\x53\x80\x67'
 #: First box of an MP4 or QuickTime file, after its length.
 _BOXES = frozenset({b'ftyp', b'moov', b'mdat', b'wide', b'free', b'skip'})
+#: Length of a RIFF file while it is written, and for ever where that goes to a pipe.
+_UNKNOWN = b'\xff\xff\xff\xff'
 #: Bytes that hold name and length of any of them.
 _HEAD_BYTES = 16
 #: First look beyond the last frame, seconds; the next ones are twice as far each.
@@ -59,6 +61,8 @@ def _length(file: BinaryIO, size: int) -> int:
         while place + 8 <= size and (length := _box_bytes(_head(file, place))):
             place += length
     while head.startswith(b'RIFF') and place + 8 <= size:
+        if head[4:8] == _UNKNOWN:
+            return 0
         place += 8 + int.from_bytes(head[4:8], 'little')
         head = _head(file, place)
     return place

@@ -60,6 +60,43 @@ def test_what_a_camera_appends_to_a_video_is_not_missing(tmp_path: Path) -> None
     assert open_source(path).damaged is None
 
 
+class Pipe:
+    """A file that is written from front to back only, as ``ffmpeg -f avi - > a.avi`` does."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open('wb', buffering=0)
+
+    def write(self, data: bytes) -> int:
+        return self._file.write(data)
+
+    def writable(self) -> bool:
+        return True
+
+    def readable(self) -> bool:
+        return False
+
+    def seekable(self) -> bool:
+        return False
+
+
+@pytest.mark.parametrize('kind', ['avi', 'matroska', 'mpegts'])
+def test_a_video_that_was_written_to_a_pipe_is_not_called_damaged(tmp_path: Path, kind: str) -> None:
+    """Nobody came back to write how long it has become."""
+    path = tmp_path / {'avi': 'a.avi', 'matroska': 'a.mkv', 'mpegts': 'a.ts'}[kind]
+    with av.open(Pipe(path), 'w', format=kind) as container:
+        stream = container.add_stream('mpeg4', rate=25)
+        stream.width = stream.height = 64
+        stream.pix_fmt = 'yuv420p'
+        rng = np.random.default_rng(0)
+        for _ in range(10):
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(
+                rng.integers(0, 256, (64, 64, 3), np.uint8), format='rgb24')))
+        container.mux(stream.encode(None))
+    source = open_source(path)
+    assert len(list(source)) == 10
+    assert source.damaged is None
+
+
 @pytest.mark.parametrize('share', [0.5, 0.98])
 @pytest.mark.parametrize('name', ['sound.mkv', 'even.avi', 'even.mp4'])
 def test_a_video_that_is_cut_off_is_told(tmp_path: Path, name: str, share: float) -> None:
