@@ -38,6 +38,12 @@ def empty_bag(folder: Path) -> Path:
     return folder / 'empty.mcap'
 
 
+def loop(folder: Path) -> Path:
+    """A link that leads to itself."""
+    (folder / 'loop').symlink_to(folder / 'loop')
+    return folder / 'loop'
+
+
 def named(folder: Path, name: str, content: bytes = b'') -> Path:
     (folder / name).write_bytes(content)
     return folder / name
@@ -65,6 +71,10 @@ CASES: dict[str, Case] = {
     'rate of zero': (lambda d: ['convert', 'images', d, '-o', d / 'o.mcap', '--fps', '0'], 'expected a number over 0'),
     'missing preset': (lambda d: ['replay', a_bag(d), '-o', d / 'o', '--preset', 'submarine'], 'submarine'),
     'output folder is a file': (lambda d: ['replay', a_bag(d), '--topic', 'image_raw', '-o', named(d, 'o')], '/o: '),
+    'input in circles': (lambda d: ['replay', loop(d), '-o', d / 'o'], 'loop: expected a file or folder, got a'),
+    'file in circles': (lambda d: ['replay', a_bag(d), loop(d) / 'a.mcap', '-o', d / 'o'], 'loop/a.mcap: expected a'),
+    'output in circles': (lambda d: ['replay', a_bag(d), '--topic', 'image_raw', '-o', loop(d)], 'loop: expected a'),
+    'outputs in circles': (lambda d: ['tune', a_bag(d), '-o', loop(d) / 'o'], 'loop/o: expected a file or folder'),
     'missing truth': (lambda d: ['evaluate', named(d, 'd.csv', b'frame,x,y,w,h\n'), '--truth', d / 'no.txt'],
                       'no.txt: truth cannot be read'),
     'detections without boxes': (lambda d: ['evaluate', named(d, 'd.csv', b'frame,x,y\n'), '--truth',

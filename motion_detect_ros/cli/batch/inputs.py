@@ -33,10 +33,16 @@ def expand_inputs(words: Sequence[str], output: Path) -> Inputs:
 
     output: where results go; nothing in there is taken for an input of a folder above it, nor are the detections that
     an earlier replay left anywhere.
-    Raises: SourceError for a pattern without a match, a folder whose bags are all left out, or an empty word.
+    Raises: SourceError for a pattern without a match, a folder whose bags are all left out, an empty word, or a link,
+    of the output too, that leads to itself.
     """
     if not all(words):  # would be the current folder
         raise SourceError('inputs: expected a path, got nothing')
+    for given in (*map(Path, words), output):
+        try:
+            given.resolve()
+        except RuntimeError:  # up to Python 3.12
+            raise SourceError(f'{given}: expected a file or folder, got a link that leads to itself') from None
     found: dict[Path, None] = {}
     several = len(words) > 1
     for word in words:
