@@ -56,8 +56,7 @@ class LeftOut:
     def _tell(self, load: LoadConfig, *steps: int) -> tuple[int, int]:
         """What is new of the run: images left out on purpose, and missing, at least, by one of the steps."""
         missing = max(self._told[1], min(
-            FrameDecimation(load.decimation_keep, load.decimation_of * STEPS[step].of).kept_at_least(self._run)
-            for step in steps))
+            FrameDecimation.by(load, STEPS[step].of).kept_at_least(self._run) for step in steps))
         left_out = self._run - missing
         new = left_out - self._told[0], missing - self._told[1]
         self._told = left_out, missing

@@ -189,7 +189,7 @@ class StageNode(ManagedNode):
 
     def decimate(self, of: int = 1) -> None:
         """Use one of so many of the images that the settings do not leave out."""
-        self._decimation = FrameDecimation(self.config.load.decimation_keep, of * self.config.load.decimation_of)
+        self._decimation = FrameDecimation.by(self.config.load, of)
 
     def reset(self) -> None:
         """Forget history, of the images' depth too."""

@@ -7,7 +7,7 @@ import time
 from rclpy.node import Node
 
 from motion_detect_ros.bridge.params import declare_simple
-from motion_detect_ros.core.tracking.tracker import MAX_ID
+from motion_detect_ros.core.types import MAX_ID
 
 #: Ids count from this time on, s since 1970 (1 January 2026), and grow by so many a second: a process that confirms
 #: fewer objects a second stays behind the first id of the next. That fills uint32 in 2039; then they start again at 1.

@@ -115,7 +115,7 @@ def run_in_process(bag: Path, preset: str) -> Run:
     """
     frames, config = BagFrames(bag), load_preset(preset)
     pipeline = MotionPipeline(config, frames.camera)
-    decimation = FrameDecimation(config.load.decimation_keep, config.load.decimation_of)
+    decimation = FrameDecimation.by(config.load)
     stamps_ns: list[int] = []
     results: dict[int, Result] = {}
     for index, frame in enumerate(track(frames, frames.frame_count, 'in process')):

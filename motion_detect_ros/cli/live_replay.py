@@ -160,7 +160,7 @@ def _write(
 
 def wanted_of(config: PipelineConfig, stamps_ns: Iterable[int]) -> frozenset[int]:
     """Which images, of those whose stamps the nodes take, are to be answered."""
-    decimation = FrameDecimation(config.load.decimation_keep, config.load.decimation_of)
+    decimation = FrameDecimation.by(config.load)
     return frozenset(stamp_ns for stamp_ns in stamps_ns if decimation.keep_next())
 
 

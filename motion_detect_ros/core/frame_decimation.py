@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from motion_detect_ros.core.config import LoadConfig
+
 
 class FrameDecimation:
     """Decides for each frame in turn whether it is processed: the first ``keep`` of every ``of``.
@@ -12,6 +14,11 @@ class FrameDecimation:
     def __init__(self, keep: int, of: int) -> None:
         self._keep, self._of = keep, of
         self._seen = 0
+
+    @classmethod
+    def by(cls, load: LoadConfig, step_of: int = 1) -> FrameDecimation:
+        """As the settings say. step_of: a step of ``load.adapt`` leaves one frame of so many."""
+        return cls(load.decimation_keep, load.decimation_of * step_of)
 
     @property
     def active(self) -> bool:

@@ -22,6 +22,9 @@ NANOSECONDS = 1_000_000_000
 #: The latest time that a message of ROS can carry, ns: its seconds are int32 (2038-01-19).
 LATEST_STAMP_NS = 2 ** 31 * NANOSECONDS - 1
 
+#: The highest id of a track, or name of a neuron, which are uint32; after it comes 1 again.
+MAX_ID = 0xFFFFFFFF
+
 #: One detected object; the same fields, in this order, travel in the ``detections`` topic.
 DETECTION_DTYPE = np.dtype([
     ('u', '<f4'), ('v', '<f4'),                      # box centre, pixels

@@ -62,7 +62,7 @@ def load(recording: Recording, config: PipelineConfig) -> Clip:
     """
     source, order = open_source(
         recording.path, recording.fps, recording.topic, rectified=recording.rectified), StampOrder()
-    decimation = FrameDecimation(config.load.decimation_keep, config.load.decimation_of)
+    decimation = FrameDecimation.by(config.load)
     pictures = [Picture(frame.index, frame.image, frame.stamp_ns, frame.camera)
                 for frame in islice(source, recording.limit)
                 if order.judge(frame.stamp_ns).usable and decimation.keep_next()]

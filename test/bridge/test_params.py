@@ -21,7 +21,7 @@ from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.core.settings import settings
-from motion_detect_ros.core.tracking.tracker import MAX_ID
+from motion_detect_ros.core.types import MAX_ID
 
 MakeNode = Callable[..., Node]
 

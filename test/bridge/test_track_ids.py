@@ -9,8 +9,8 @@ import numpy as np
 from motion_detect_ros.bridge.track_ids import first_id
 from motion_detect_ros.core.config import TracksConfig
 from motion_detect_ros.core.detection.candidate import Candidate
-from motion_detect_ros.core.tracking.tracker import MAX_ID, Tracker
-from motion_detect_ros.core.types import DETECTION_DTYPE
+from motion_detect_ros.core.tracking.tracker import Tracker
+from motion_detect_ros.core.types import DETECTION_DTYPE, MAX_ID
 
 
 def seconds(*date: int) -> float:

@@ -125,7 +125,7 @@ def _process(
     tally: Tally, watch: Watch,
 ) -> None:
     """Decode, measure, detect and write, each in a thread of its own."""
-    decimation = FrameDecimation(job.config.load.decimation_keep, job.config.load.decimation_of)
+    decimation = FrameDecimation.by(job.config.load)
     with (Ahead(_timed(source, job.path, tally)) as frames,
           Ahead(_measured(pipeline, _in_order(frames, tally), gyro, decimation)) as measured,
           Ahead(_detected(pipeline, measured, job.overlay)) as detected):

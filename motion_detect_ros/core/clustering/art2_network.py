@@ -19,7 +19,7 @@ import numpy.typing as npt
 from motion_detect_ros.core.config import Art2Config
 from motion_detect_ros.core.errors import MotionDetectError
 from motion_detect_ros.core.kernels import kernel
-from motion_detect_ros.core.types import DoubleArray, FloatArray
+from motion_detect_ros.core.types import MAX_ID, DoubleArray, FloatArray
 
 LabelArray = npt.NDArray[np.int32]
 #: Label of a vector that is not presented (invalid flow).
@@ -28,8 +28,6 @@ NOT_PRESENTED = -1
 CONTESTED = 1
 #: Maximum number of learning passes over a frame; assignments settle after two to four.
 MAX_PASSES = 5
-#: Names are uint32; after the last one comes 1 again.
-MAX_NAME = 0xFFFFFFFF
 #: Default frame period, and rounding tolerance of sums of periods, seconds.
 PERIOD_S = 0.04
 
@@ -180,7 +178,7 @@ class Art2Network(ABC, Generic[F1]):
             self.prototypes = np.vstack([self.prototypes, self._commitment(f1, novel)])
             self._names = np.append(self._names, np.uint32(self._next_name))
             self._idle_s = np.append(self._idle_s, 0.0)
-            self._next_name = self._next_name % MAX_NAME + 1
+            self._next_name = self._next_name % MAX_ID + 1
             self._compete_new(f1, labels, match)
 
     def _merge(self, labels: LabelArray) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +35,11 @@ MIN_PIXELS = 8
 PEAK_PERCENTILE = 90.0
 #: Fewest segments worth a thread.
 LEAST_SEGMENTS = 20
+
+
+def is_allowed(sides: Sequence[float], image_area: int, config: ObjectsConfig) -> bool:
+    """Whether the settings allow a box of two such sides in an image, working-resolution pixels."""
+    return min(sides) >= config.min_side_px and math.prod(sides) <= config.max_area_share * image_area
 
 
 class ObjectFinder:
@@ -77,7 +83,7 @@ class ObjectFinder:
         # before a three-dimensional background the test reaches far beside the segment, where flow leaks
         near_area = NEAR_SHARE * width * height if field.background.smooth else math.inf
         return [patch.moved(region.left, region.top) for patch in joined_patches(found, near_area)
-                if self._plausible(patch, width * height)]
+                if is_allowed((patch.box.width, patch.box.height), width * height, self._config)]
 
     @staticmethod
     def _region(segment: Segment, field: MotionField, reach: int, width: int, height: int) -> Box:
@@ -104,11 +110,6 @@ class ObjectFinder:
                       np.zeros((2, count + 1), np.int64), np.empty(labels.size, np.float32),
                       np.zeros(count, np.bool_), np.empty(count, np.float32), patches)
         return [Patch(Box(*row[:4]), row[4]) for row in patches.tolist() if row[4] >= MIN_PIXELS]
-
-    def _plausible(self, patch: Patch, image_area: int) -> bool:
-        config = self._config
-        return (min(patch.box.width, patch.box.height) >= config.min_side_px
-                and patch.box.area <= config.max_area_share * image_area)
 
     @staticmethod
     def _candidate(patch: Patch, field: MotionField, pair: ImagePair, name: int) -> Candidate:

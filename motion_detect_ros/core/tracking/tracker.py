@@ -21,10 +21,8 @@ from motion_detect_ros.core.tracking.nested import known_longest
 from motion_detect_ros.core.tracking.report import reported
 from motion_detect_ros.core.tracking.track import Track
 from motion_detect_ros.core.tracking.travel import Others
-from motion_detect_ros.core.types import ByteArray, DoubleArray, RecordArray
+from motion_detect_ros.core.types import MAX_ID, ByteArray, DoubleArray, RecordArray
 
-#: Ids are uint32.
-MAX_ID = 0xFFFFFFFF
 #: Cost of a pair outside of the gate.
 FORBIDDEN = 1e6
 #: A detection is looked for within this share of both sizes, and so many pixels, of the prediction; its area may differ

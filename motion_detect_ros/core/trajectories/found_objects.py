@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from motion_detect_ros.core.config import ObjectsConfig
 from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.detection.objects import is_allowed
 from motion_detect_ros.core.trajectories.clusters import Cluster, carried
 from motion_detect_ros.core.trajectories.own_pixels import NearestPoints
 from motion_detect_ros.core.trajectories.point_boxes import BoxFitter, PointBox
@@ -88,7 +89,7 @@ def objects_of(
     fitted = [(cluster, fitter.fit(cluster, number)) for number, cluster in enumerate(clusters)
               if score.log_odds(bounds[number]) >= score.least - UNFITTED_LOG_ODDS]
     found = [(cluster, box) for cluster, box in fitted
-             if box is not None and _plausible(box.whole, config, shape)]
+             if box is not None and is_allowed((box.whole.high - box.whole.low).tolist(), shape[0] * shape[1], config)]
     if not found:
         return []
     there, boxes = zip(*found, strict=True)
@@ -96,13 +97,6 @@ def objects_of(
     objects = (FoundObject(cluster, box.solid, one, score.log_odds(one), box.dark)
                for (cluster, box), one in zip(found, figures, strict=True))
     return [each for each in objects if each.log_odds >= score.least]
-
-
-def _plausible(box: PointBox, config: ObjectsConfig, shape: tuple[int, ...]) -> bool:
-    """shape: (h, w) of the image."""
-    width, height = (box.high - box.low).tolist()
-    return (min(width, height) >= config.min_side_px
-            and width * height <= config.max_area_share * shape[0] * shape[1])
 
 
 def _figures(
