@@ -26,6 +26,8 @@ FILES = {
     'another node too': (f'{ALL}/camera: {{ros__parameters: {{fps: 10.0}}}}\n/{PIPELINE}', 0.2, 0.5, True),
     'all, the node, and all again': (f'{ALL}/{PIPELINE}"/*": {{ros__parameters: {{tracks.coast_s: 0.25}}}}\n',
                                      0.2, 0.25, True),
+    'another node, all, then the node': (f'/camera: {{ros__parameters: {{tracks.coast_s: 0.1}}}}\n{ALL}'
+                                         '/pipeline: {ros__parameters: {tracks.coast_s: 0.25}}\n', 0.3, 0.25, False),
 }
 
 
