@@ -116,10 +116,9 @@ class Study:
     @contextmanager
     def _writing(self) -> Iterator[None]:
         """Raises: OSError where the file cannot be written, as on a full disk."""
-        from sqlalchemy.exc import SQLAlchemyError
         try:
             yield
-        except (SQLAlchemyError, self._optuna.exceptions.StorageInternalError) as error:
+        except self._optuna.exceptions.StorageInternalError as error:
             reason = str(error.__cause__ or error).splitlines()[0]
             raise OSError(f'{self._path}: cannot be written: {reason}; the trials until then are kept') from None
 
