@@ -141,9 +141,9 @@ def test_a_verdict_that_cannot_be_written_whole_is_not_written(tmp_path, monkeyp
     assert not (tmp_path / 'summary.json').exists()
 
 
-def write_half(path: Path, text: str, encoding: str) -> int:
+def write_half(path: Path, text: str, encoding: str, errors: str) -> int:
     """A disk that is full half-way."""
-    with path.open('w', encoding=encoding) as file:
+    with path.open('w', encoding=encoding, errors=errors) as file:
         file.write(text[:len(text) // 2])
     raise OSError(28, 'full')
 
