@@ -10,8 +10,9 @@ Goals for two cores on real clips, where they stand, and what is in the way; fig
 | frame to answer 22, 25, 25 ms (305, `uavdt_M1303`, KITTI) | 14, 17, 24 ms | reached |
 | its 95th percentile 1.2 times the median | 1.22, 1.29, 1.16 | what others do on the machine: 1.17, 1.14, 1.16 for \
 the stabilised difference in the same run; in a quieter hour 1.13, 1.12, 1.08 |
-| processor time 38, 44, 44 ms | 41, 47, 31 ms | one thread takes 37, 42, 29 ms: the rest is what two threads cost \
-each other. The points' tracker alone is 6 ms for 8000 points forwards and backwards; fewer points or smaller windows \
+| processor time 38, 44, 44 ms | 41, 47, 31 ms; since then, by the ratio below, 39, 45, 31 ms | one thread takes 37, \
+42, 29 ms (35, 40, 29 ms): the rest is what two threads cost each other. The points' tracker alone is 6 ms for \
+8000 points forwards and backwards; fewer points or smaller windows \
 cost small objects |
 | one thread on 305 42 ms | 37 ms | reached |
 | faster than both plain methods | 14, 17, 24 ms; 30, 30, 27 and 23, 24, 24 ms | reached, on KITTI by a little; in \
@@ -85,6 +86,11 @@ s, 367 MB |
 | points tracked in windows of 8 x 10 instead of 9 x 9 px, and what fails again from halved pictures (5000 points by \
 one thread; the whole process over 260 frames of 305 and 160 of `uavdt_M1303`, one thread, processor time, six pairs \
 in turn, whose ratios have the medians 0.99 and 0.95) | 3.2 ms; 12.2, 10.9 s | 2.8 ms; 12.2, 10.6 s |
+| features of an even flight looked for where its last motion takes them, without seed points over a pyramid, and \
+found in every second frame; points' way back without a pyramid; of points in one cell the first found with marks \
+instead of numbers (305, 339, `uavdt_M1303`; frame by frame in turn, two runs, a slower machine than the tables': \
+processor time of two threads; frame to answer; processor time of one thread) | 1 | 0.95, 0.95, 0.96; 0.90, 0.89, \
+0.90; 0.94, -, 0.95 |
 | fragments are looked for beside larger objects only, instead of in all pairs (default, 100 objects, a frame) | 2.8 \
 ms | 0.6 ms |
 | of two patches the gap is looked at before their common box (65 segments of 8 patches each, about what 100 objects \
@@ -130,6 +136,10 @@ only |
 time |
 | kernels compiled with less optimisation, as kernels are now (all of the preset `visdrone`, processor time) | 22.3, \
 22.2, 21.3, 17.6 s with `NUMBA_OPT` 3, 2, 1, 0 |
+| kernels that call the same compiled by the same process (default, imports and warm-up where kernels are compiled \
+first, three runs in turn, processor time) | 15.6 to 15.7 instead of 15.7 to 15.9 s: what a second process saves of \
+its first kernel is numba's own start |
+| rows of the points' paths copied once instead of twice a frame | 0.33 instead of 0.44 ms |
 | `replay`: the second half in a process of its own (the same) | 23.4 to 23.8 instead of 24.0 to 25.0 s: it is 41 of \
 68 ms, and frames have to be sent; from the ninth frame on results differ in the sixth digit |
 | neighbours of moving points by a distance transform instead of a k-d tree; errors of pictures by OpenCV's warps \

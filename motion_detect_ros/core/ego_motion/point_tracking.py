@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 
@@ -19,11 +21,21 @@ AGREEMENT_PX = 3.0
 RETRIED_SHARE = 0.5
 
 
+class Tracks(NamedTuple):
+    """``moved``: (N, 2) float32 where points went, pixels; ``good``: (N,) bool, which passed the forward-backward
+    check; ``error``: (N,) float32 mean difference of their windows in the two images, grey levels.
+    """
+
+    moved: FloatArray
+    good: BoolArray
+    error: FloatArray
+
+
 def track_points(
     previous: ByteArray, current: ByteArray, points: FloatArray, config: EgoMotionConfig,
     prior: DoubleArray | None = None,
-) -> tuple[FloatArray, BoolArray]:
-    """(N, 2) float32 positions of ``points`` in ``current``, and (N,) bool which pass the forward-backward check.
+) -> Tracks:
+    """Where ``points`` are in ``current``.
 
     previous, current: (h, w) uint8 of the same size; points: (N, 2) float32 pixels of these images; prior: (3, 3)
     initial guess, previous pixel -> current pixel, None = identity. Seed points give the common motion, from which
@@ -34,15 +46,23 @@ def track_points(
     common = _common_motion(previous, current, points, config, prior)
     if common is None:
         return _both_ways(previous, current, points, config, prior, config.pyramid_levels)
-    moved, good = track_close(previous, current, points, config, common)
-    if np.count_nonzero(~good) > RETRIED_SHARE * len(points):
-        moved[~good], good[~good] = _both_ways(previous, current, points[~good], config, prior, config.pyramid_levels)
-    return moved, good
+    tracks = track_close(previous, current, points, config, common)
+    if not most_good(tracks):
+        failed = np.flatnonzero(~tracks.good)
+        again = _both_ways(previous, current, points[failed], config, prior, config.pyramid_levels)
+        for each, new in zip(tracks, again, strict=True):
+            each[failed] = new
+    return tracks
+
+
+def most_good(tracks: Tracks) -> bool:
+    """Whether no more than ``RETRIED_SHARE`` of the points failed."""
+    return bool(np.count_nonzero(~tracks.good) <= RETRIED_SHARE * len(tracks.good))
 
 
 def track_close(
     previous: ByteArray, current: ByteArray, points: FloatArray, config: EgoMotionConfig, motion: DoubleArray,
-) -> tuple[FloatArray, BoolArray]:
+) -> Tracks:
     """As ``track_points``, without a pyramid, for points within a few pixels of ``motion``.
 
     motion: (3, 3) previous pixel -> current pixel, of the images as given.
@@ -57,7 +77,7 @@ def _common_motion(
     seeds = np.ascontiguousarray(points[::SEED_STRIDE])
     if len(seeds) < MIN_SEEDS:
         return None
-    moved, found = _one_way(
+    moved, found, _ = _one_way(
         previous, current, seeds, config, None if prior is None else apply(prior, seeds), config.pyramid_levels)
     if found.sum() < MIN_SEEDS:
         return None
@@ -71,24 +91,25 @@ def _common_motion(
 def _both_ways(
     previous: ByteArray, current: ByteArray, points: FloatArray, config: EgoMotionConfig,
     prior: DoubleArray | None, levels: int,
-) -> tuple[FloatArray, BoolArray]:
+) -> Tracks:
     """Backward tracking starts from the inverse of the prior, not from ``points``: else it confirms occluded points."""
-    there, found = _one_way(
+    there, found, error = _one_way(
         previous, current, points, config, None if prior is None else apply(prior, points), levels)
-    back, found_back = _one_way(
+    back, found_back, _ = _one_way(
         current, previous, there, config, None if prior is None else apply(inverse(prior), there), levels)
     away = back - points
     with np.errstate(invalid='ignore', over='ignore'):
         near = away[:, 0] ** 2 + away[:, 1] ** 2 < config.forward_backward_px ** 2
-    return there, found & found_back & near
+    return Tracks(there, found & found_back & near, error)
 
 
 def _one_way(
     one: ByteArray, other: ByteArray, points: FloatArray, config: EgoMotionConfig,
     guess: FloatArray | None, levels: int,
-) -> tuple[FloatArray, BoolArray]:
-    """levels: of the pyramid above the images themselves."""
+) -> Tracks:
+    """``good``: which were found; levels: of the pyramid above the images themselves."""
     window = (config.lk_window_px, config.lk_window_px)
     flags = 0 if guess is None else cv2.OPTFLOW_USE_INITIAL_FLOW
-    moved, found, _ = lucas_kanade(one, other, points, guess, {'winSize': window, 'maxLevel': levels, 'flags': flags})
-    return moved, found.ravel() > 0
+    moved, found, error = lucas_kanade(
+        one, other, points, guess, {'winSize': window, 'maxLevel': levels, 'flags': flags})
+    return Tracks(moved, found.ravel() > 0, error.ravel())

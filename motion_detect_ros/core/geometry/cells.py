@@ -19,18 +19,18 @@ def first_of_cells(
     points: (N, 2) pixels on the image; order: (N,) in which they come, None = as they are.
     """
     columns, rows = int(width / cell_px) + 1, int(height / cell_px) + 1
-    first = np.full(rows * columns, -1, np.intp)
+    taken, first = np.zeros(rows * columns, np.bool_), np.zeros(len(points), np.bool_)
     order = np.arange(len(points)) if order is None else order
-    _first(np.ascontiguousarray(points), 1.0 / cell_px, columns, order, first)
-    return np.sort(first[first >= 0])
+    _first(np.ascontiguousarray(points), 1.0 / cell_px, columns, order, taken, first)
+    return np.flatnonzero(first)
 
 
 @kernel()
-def _first(points, scale, columns, order, first):  # type: ignore[no-untyped-def]
+def _first(points, scale, columns, order, taken, first):  # type: ignore[no-untyped-def]
     for index in order:
         cell = int(points[index, 1] * scale) * columns + int(points[index, 0] * scale)
-        if first[cell] < 0:
-            first[cell] = index
+        first[index] = not taken[cell]
+        taken[cell] = True
 
 
 def near_others(points: FloatArray, others: FloatArray, distance_px: float, width: int, height: int) -> BoolArray:

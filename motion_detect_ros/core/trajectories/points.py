@@ -35,6 +35,9 @@ LEAST_EIGENVALUE, MAX_ERROR_GRAY = 6e-4, 18.0
 FAR_LEVELS, FAR_WINDOW_PX = 2, (12, 12)
 #: How often points are tracked back, too, and new ones start, seconds; largest forward-backward error, pixels.
 CHECKED_EVERY_S, FORWARD_BACKWARD_PX = 0.07, 0.3
+#: A point is looked for from as far off on its way back as on its way there, but no farther than this, pixels, from
+#: which it is found without a pyramid.
+REACH_PX = 3.0
 #: Of points in one cell of this size the oldest stays, pixels.
 THINNED_PX = 2
 #: Weight of a new velocity against the remembered one.
@@ -179,7 +182,8 @@ class PointTracker:
         now, good = _follow(previous, current, points.now, start)
         if len(checked):
             was, there = points.now[checked], now[checked]
-            back, found = _follow(current, previous, there, was + (there - start[checked]))
+            off = _at_most(there - start[checked], REACH_PX)
+            back, found = _lucas_kanade(current.gray, previous.gray, there, was + off)
             good[checked] &= found & (magnitude(back - was) < FORWARD_BACKWARD_PX)
         good &= _usable(now, current.gray.shape, mask)
         velocity = (now - carried) / np.float32(dt_s)
@@ -188,6 +192,12 @@ class PointTracker:
         height, width = current.gray.shape
         one_a_cell = first_of_cells(now, THINNED_PX, width, height, oldest_first[good[oldest_first]])
         return points.moved(one_a_cell, now, points.velocity + gain * (velocity - points.velocity), frames.made_room)
+
+
+def _at_most(vectors: FloatArray, length_px: float) -> FloatArray:
+    """(N, 2) vectors, those that are longer shortened to this length."""
+    share = length_px / np.maximum(magnitude(vectors), length_px)
+    return (vectors * share[:, None]).astype(np.float32)
 
 
 def _follow(

@@ -39,7 +39,7 @@ def test_as_many_and_as_exact_as_the_search_of_the_whole_pyramid(dx):
     texture, matrix = world(2), about_centre(0.5, 1.01, dx, 9.0)
     previous, current = view(texture, np.eye(3)), view(texture, matrix)
     points = corners(previous)
-    moved, good = track_points(previous, current, points, CONFIG)
+    moved, good, _ = track_points(previous, current, points, CONFIG)
     searched_for, expected = searched(previous, current, points)
     assert good.sum() >= 0.97 * expected.sum() > 100
     errors = np.linalg.norm([moved, searched_for] - through(matrix, points), axis=2)
@@ -73,7 +73,7 @@ def test_where_no_motion_is_that_of_most_points_all_are_followed():
     previous, current, points = moved_apart((-32, 0, 32))
     band = (points[:, 1] // (HEIGHT // 3)).astype(int)
     inner = (np.abs(points[:, 0] - WIDTH / 2) < 200) & (np.abs(points[:, 1] % (HEIGHT // 3) - HEIGHT / 6) < 60)
-    moved, good = track_points(previous, current, points, CONFIG)
+    moved, good, _ = track_points(previous, current, points, CONFIG)
     for number, step in enumerate((-32.0, 0.0, 32.0)):
         these = inner & (band == number)
         followed = np.linalg.norm(moved - points - [step, 0.0], axis=1)[these & good] < 0.5
@@ -85,7 +85,7 @@ def test_points_with_another_motion_than_most_are_let_go():
     previous, current, points = moved_apart((0, 0, 32))
     inner = (np.abs(points[:, 0] - WIDTH / 2) < 200) & (np.abs(points[:, 1] % (HEIGHT // 3) - HEIGHT / 6) < 60)
     other = points[:, 1] > 2 * HEIGHT / 3
-    _, good = track_points(previous, current, points, CONFIG)
+    _, good, _ = track_points(previous, current, points, CONFIG)
     assert good[inner & other].mean() < 0.3
     assert good[inner & ~other].mean() > 0.95
 
@@ -98,7 +98,7 @@ def test_hidden_points_do_not_survive_the_way_back():
         points = corners(previous)
         there = through(SHIFT, points)
         behind = ((there > [190, 150]) & (there < [450, 330])).all(axis=1)
-        _, good = track_points(previous, current, points, CONFIG)
+        _, good, _ = track_points(previous, current, points, CONFIG)
         hidden, survived = hidden + behind.sum(), survived + (good & behind).sum()
     assert hidden > 500 and survived < 0.05 * hidden
 
@@ -112,7 +112,7 @@ def test_a_repeated_pattern_does_not_lead_to_its_neighbour():
 
     previous, current = (cv2.addWeighted(view(world(3), m), 0.3, pattern(m), 0.7, 0) for m in (np.eye(3), SHIFT))
     points = corners(previous)
-    moved, good = track_points(previous, current, points, CONFIG)
+    moved, good, _ = track_points(previous, current, points, CONFIG)
     assert good.mean() > 0.9
     assert np.linalg.norm(moved - through(SHIFT, points), axis=1)[good].max() < 1.0
 
@@ -127,7 +127,7 @@ def test_turned_patches_are_measured_on_the_turned_picture(angle):
 def test_few_points_need_no_scouts():
     previous, current = view(world(5), np.eye(3)), view(world(5), SHIFT)
     points = corners(previous)[::40].copy()
-    moved, good = track_points(previous, current, points, CONFIG)
+    moved, good, _ = track_points(previous, current, points, CONFIG)
     _, expected = searched(previous, current, points)
     np.testing.assert_array_equal(good, expected)
     assert np.abs(moved - through(SHIFT, points))[good].max() < 0.5

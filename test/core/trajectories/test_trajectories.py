@@ -117,8 +117,10 @@ class TestPoints:
         assert points.now[:, 0].min() >= 150
 
     @staticmethod
-    def jump(seed: int, starts_in: int) -> np.ndarray:
-        """(n, 2) ways of points inside a body of 72 px in the frame in which it starts to go 18 px a frame."""
+    def jump(seed: int, starts_in: int) -> tuple[np.ndarray, np.ndarray]:
+        """(n, 2) ways, and (n,) numbers, of points inside a body of 72 px in the frame in which it starts to go 18 px a
+        frame.
+        """
         ground, body = (cv2.normalize(np.mean([smooth_texture(2 * seed + each, 200, 300, sigma)
                                                for sigma in (1.0, 2.0, 4.0, 8.0)], axis=0),
                                       None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8) for each in (0, 1))
@@ -132,15 +134,24 @@ class TestPoints:
         since_start = points.age > starts_in
         x, y = points.path[since_start, 1].T
         inside = (x > 70) & (x < 122) & (y > 70) & (y < 122)
-        return (points.now - points.path[:, 1])[since_start][inside]
+        return (points.now - points.path[:, 1])[since_start][inside], points.number[since_start][inside]
 
     @pytest.mark.parametrize('starts_in', [0, 5], ids=['new points', 'old points'])
     def test_points_of_what_goes_a_quarter_of_its_size_a_frame_go_with_it(self, starts_in: int) -> None:
         """Texture of all scales, as pictures have: the coarse one leads the tracker to the fine one."""
-        ways = np.concatenate([self.jump(seed, starts_in) for seed in range(8)])
+        ways = np.concatenate([self.jump(seed, starts_in)[0] for seed in range(8)])
         right = np.abs(ways - [18.0, 0.0]).max(axis=1) < 0.3
         assert right.sum() >= 16
         assert right.mean() >= 0.4  # some settle on what looks alike nearby, until they are tracked back
+
+    def test_what_was_found_far_from_where_it_was_looked_for_is_found_on_its_way_back(self) -> None:
+        """In the frame in which the body starts every second point is tracked back."""
+        ways, numbers = (np.concatenate(each) for each in zip(*(self.jump(seed, 5) for seed in range(8)), strict=True))
+        right = np.abs(ways - [18.0, 0.0]).max(axis=1) < 0.3
+        checked = numbers % 2 == 0
+        assert (right & checked).sum() >= 16
+        assert right[checked].mean() > 0.75
+        assert right[~checked].mean() < 0.6  # the others settled on what looks alike nearby
 
 
 class TestObjectMotion:
@@ -315,7 +326,7 @@ def test_no_answer_waits_for_objects_that_are_looked_for_behind_it(monkeypatch: 
         return clusters.find_clusters(*given)  # type: ignore[arg-type]
 
     monkeypatch.setattr('motion_detect_ros.core.trajectories.finder.find_clusters', find_clusters)
-    for index in range(30):
+    for index in range(40):
         may_go_on.set()  # what the last frame has left over must end for this one
         finder.wait()
         may_go_on.clear()
