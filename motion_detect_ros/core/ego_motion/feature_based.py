@@ -24,16 +24,17 @@ from motion_detect_ros.core.types import NANOSECONDS, DoubleArray, EgoStatus, Fl
 #: more than a few hundredths of a pixel.
 DEFORMED = 0.05
 #: Features are found so often, seconds, and in every frame where those are over ``LONGEST_S`` apart; in between those
-#: of the last frame go on, if so many of them, share, were followed.
+#: of the last frame go on, while so many of them, share, were followed.
 FOUND_EVERY_S, LEAST_FOLLOWED = 0.07, 0.8
 
 
 @dataclass(frozen=True)
 class _Features:
-    """``points``: (N, 2) float32 pixels of ``frame``'s image."""
+    """``points``: (N, 2) float32 pixels of ``frame``'s image; ``found``: how many they were when they were found."""
 
     frame: PreparedFrame
     points: FloatArray
+    found: int
 
 
 class IndirectMethod:
@@ -61,7 +62,7 @@ class IndirectMethod:
         known = [each for each in (self._ahead.take(), self._followed) if each and each.frame is previous]
         features = known[0] if known else self._features(previous)
         self._followed = None
-        return self._tracked(previous, frame, features.points, prior)
+        return self._tracked(features, previous, frame, prior)
 
     def look_ahead(self, frame: PreparedFrame) -> None:
         """Find the features of a frame in a thread, unless those of the last one go on; ``measure`` from that frame on
@@ -73,8 +74,9 @@ class IndirectMethod:
         self._ahead.start(partial(self._features, frame))
 
     def _tracked(
-        self, previous: PreparedFrame, frame: PreparedFrame, points: FloatArray, prior: DoubleArray | None,
+        self, features: _Features, previous: PreparedFrame, frame: PreparedFrame, prior: DoubleArray | None,
     ) -> EgoMotionMeasurement:
+        points = features.points
         if len(points) < MIN_TRACKS:
             return EgoMotionMeasurement(None, EgoStatus.LOW_TEXTURE, len(points))
         tracks = self._as_expected(previous, frame, points) if prior is None else None
@@ -92,7 +94,7 @@ class IndirectMethod:
         if np.abs(matrix[:2, :2] - np.eye(2)).max() > DEFORMED:
             fit = self._refined(matrix, points, previous, frame) or fit
         self._expected.saw(previous, frame, theta_matrix(fit.theta, centre_of(frame)), tracks)
-        self._go_on(points, moved[good], previous, frame)
+        self._go_on(features, moved[good], frame)
         return EgoMotionMeasurement(fit, EgoStatus.OK, len(earlier), earlier, later)
 
     def _as_expected(self, previous: PreparedFrame, frame: PreparedFrame, points: FloatArray) -> Tracks | None:
@@ -103,17 +105,17 @@ class IndirectMethod:
         tracks = track_close(previous.gray, frame.gray, points, self._config, at_scale(expected, frame.scale))
         return tracks if self._expected.confirmed_by(tracks) else None
 
-    def _go_on(self, points: FloatArray, now: FloatArray, previous: PreparedFrame, frame: PreparedFrame) -> None:
-        """Let features go on where new ones are not due. points: of the last frame; now: those of them followed."""
-        seconds = (frame.stamp_ns - previous.stamp_ns) / NANOSECONDS
+    def _go_on(self, features: _Features, now: FloatArray, frame: PreparedFrame) -> None:
+        """Let features go on where new ones are not due. now: (n, 2) where those that were followed are."""
+        seconds = (frame.stamp_ns - features.frame.stamp_ns) / NANOSECONDS
         due = self._every.due(seconds)
         if due:
             self._every.done()
         if due or seconds > LONGEST_S:
             return
         there = now[self._places.hold(now, frame.gray.shape, frame.mask)]
-        if len(there) >= LEAST_FOLLOWED * len(points):
-            self._followed = _Features(frame, there)
+        if len(there) >= LEAST_FOLLOWED * features.found:
+            self._followed = _Features(frame, there, features.found)
 
     def wait(self) -> None:
         """Until the features of the last frame are found."""
@@ -121,8 +123,9 @@ class IndirectMethod:
 
     def _features(self, frame: PreparedFrame) -> _Features:
         config = self._config
-        return _Features(frame, find_features(
-            config.features, frame.gray, config.max_corners, config.corner_quality, frame.mask, self._places))
+        points = find_features(
+            config.features, frame.gray, config.max_corners, config.corner_quality, frame.mask, self._places)
+        return _Features(frame, points, len(points))
 
     def _fit(self, points: FloatArray, moved: FloatArray, frame: PreparedFrame) -> MotionFit | None:
         centre = centre_of(frame)

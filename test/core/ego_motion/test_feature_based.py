@@ -69,6 +69,18 @@ def test_none_go_on_into_the_mask_and_new_ones_are_found_where_too_few_do(monkey
         monkeypatch.undo()
 
 
+def test_few_are_lost_from_frame_to_frame_and_still_new_ones_are_found_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At 100 Hz features would go on for six frames; in each of these a tenth of the picture is covered."""
+    masks = [np.ones((200, 300), np.bool_) for _ in range(5)]
+    for index, mask in enumerate(masks):
+        mask[:, 300 - 32 * index:] = False
+    frames = [pan(index, 10_000_000, mask) for index, mask in enumerate(masks)]
+    method, found_in = IndirectMethod(EgoMotionConfig()), looked_at(monkeypatch, frames)
+    for pair in pairwise(frames):
+        assert method.measure(*pair).fit is not None
+    assert found_in == [0, 1, 3]
+
+
 def test_features_are_found_by_the_next_frame_where_none_was_looked_ahead_for():
     method = IndirectMethod(EgoMotionConfig())
     shifts = [method.measure(pan(index), pan(index + 1)).fit.theta[0] for index in range(3)]
