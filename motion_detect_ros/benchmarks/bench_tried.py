@@ -11,7 +11,7 @@ Goals for two cores on real clips, where they stand, and what is in the way; fig
 | its 95th percentile 1.2 times the median | 1.22, 1.29, 1.16 | what others do on the machine: 1.17, 1.14, 1.16 for \
 the stabilised difference in the same run; in a quieter hour 1.13, 1.12, 1.08 |
 | processor time 38, 44, 44 ms | 41, 47, 31 ms; since then, by the ratio below, 39, 45, 31 ms | one thread takes 37, \
-42, 29 ms (35, 40, 29 ms): the rest is what two threads cost each other. The points' tracker alone is 6 ms for \
+42, 29 ms (36, 41, 29 ms): the rest is what two threads cost each other. The points' tracker alone is 6 ms for \
 8000 points forwards and backwards; fewer points or smaller windows \
 cost small objects |
 | one thread on 305 42 ms | 37 ms | reached |
@@ -86,11 +86,10 @@ s, 367 MB |
 | points tracked in windows of 8 x 10 instead of 9 x 9 px, and what fails again from halved pictures (5000 points by \
 one thread; the whole process over 260 frames of 305 and 160 of `uavdt_M1303`, one thread, processor time, six pairs \
 in turn, whose ratios have the medians 0.99 and 0.95) | 3.2 ms; 12.2, 10.9 s | 2.8 ms; 12.2, 10.6 s |
-| features of an even flight looked for where its last motion takes them, without seed points over a pyramid, and \
-found in every second frame; points' way back without a pyramid; of points in one cell the first found with marks \
-instead of numbers (305, 339, `uavdt_M1303`; frame by frame in turn, two runs, a slower machine than the tables': \
-processor time of two threads; frame to answer; processor time of one thread) | 1 | 0.95, 0.95, 0.96; 0.90, 0.89, \
-0.90; 0.94, -, 0.95 |
+| features of an even flight looked for where its last motion takes them, without seed points over a pyramid; points' \
+way back without a pyramid; of points in one cell the first found with marks instead of numbers (305, `uavdt_M1303`; \
+frame by frame in turn, a slower machine than the tables': processor time of two threads; frame to answer; processor \
+time of one thread) | 1 | 0.95, 0.96; 0.87, 0.87; 0.96, 0.98 |
 | fragments are looked for beside larger objects only, instead of in all pairs (default, 100 objects, a frame) | 2.8 \
 ms | 0.6 ms |
 | of two patches the gap is looked at before their common box (65 segments of 8 patches each, about what 100 objects \

@@ -212,7 +212,7 @@ def test_with_one_thread_the_features_of_a_frame_are_in_its_time(monkeypatch):
     monkeypatch.setattr(feature_based, 'find_features', lambda *given: (time.sleep(0.2), find(*given))[1])
     with limited(1):
         times = [each.times_ms.ego_motion for each in run([scene(index) for index in range(5)])]
-    assert min(times[1], times[2], times[4]) >= 200.0  # those of the second frame go on into the third
+    assert min(times[1:]) >= 200.0
 
 
 def test_a_first_half_for_another_thread_brings_its_flow_along():

@@ -9,39 +9,34 @@ import numpy as np
 
 from motion_detect_ros.core.config import EgoMotionConfig
 from motion_detect_ros.core.deferred import Deferred
-from motion_detect_ros.core.ego_motion.expected_motion import LONGEST_S, ExpectedMotion
+from motion_detect_ros.core.ego_motion.expected_motion import ExpectedMotion
 from motion_detect_ros.core.ego_motion.features import BLOCK_PX, AllowedPlaces, check_features, find_features
 from motion_detect_ros.core.ego_motion.measurement import MIN_TRACKS, EgoMotionMeasurement, centre_of, is_plausible
 from motion_detect_ros.core.ego_motion.point_tracking import Tracks, track_close, track_points
 from motion_detect_ros.core.ego_motion.robust_fit import MotionFit, fit_motion
 from motion_detect_ros.core.geometry.motion_models import model_family, theta_matrix
 from motion_detect_ros.core.geometry.warp import apply, at_full_resolution, at_scale, stabilise
-from motion_detect_ros.core.periods import Every
 from motion_detect_ros.core.threads import threads
-from motion_detect_ros.core.types import NANOSECONDS, DoubleArray, EgoStatus, FloatArray, PreparedFrame
+from motion_detect_ros.core.types import DoubleArray, EgoStatus, FloatArray, PreparedFrame
 
 #: Change of the linear part from which a patch of the size of the tracking window is deformed so far that tracks err by
 #: more than a few hundredths of a pixel.
 DEFORMED = 0.05
-#: Features are found so often, seconds, and in every frame where those are over ``LONGEST_S`` apart; in between those
-#: of the last frame go on, while so many of them, share, were followed.
-FOUND_EVERY_S, LEAST_FOLLOWED = 0.07, 0.8
 
 
 @dataclass(frozen=True)
 class _Features:
-    """``points``: (N, 2) float32 pixels of ``frame``'s image; ``found``: how many they were when they were found."""
+    """``points``: (N, 2) float32 pixels of ``frame``'s image."""
 
     frame: PreparedFrame
     points: FloatArray
-    found: int
 
 
 class IndirectMethod:
     """Features found in the previous frame, tracked into the current one, and a robust fit to their displacements.
 
     They are looked for where the camera's motion takes them if it goes on, while it does. Those of the current frame,
-    for the next one, may be looked for behind the answer; in between those of the last one go on.
+    for the next one, may be looked for behind the answer.
     """
 
     def __init__(self, config: EgoMotionConfig) -> None:
@@ -52,31 +47,27 @@ class IndirectMethod:
         self._places = AllowedPlaces()
         self._ahead = Deferred[_Features]('features')
         self._expected = ExpectedMotion()
-        self._every = Every(FOUND_EVERY_S)
-        self._followed: _Features | None = None
 
     def measure(
         self, previous: PreparedFrame, frame: PreparedFrame, prior: DoubleArray | None = None,
     ) -> EgoMotionMeasurement:
         """As ``EgoMethod``; ``prior`` is the initial guess of the tracker."""
-        known = [each for each in (self._ahead.take(), self._followed) if each and each.frame is previous]
-        features = known[0] if known else self._features(previous)
-        self._followed = None
-        return self._tracked(features, previous, frame, prior)
+        ahead = self._ahead.take()
+        features = ahead if ahead and ahead.frame is previous else self._features(previous)
+        return self._tracked(previous, frame, features.points, prior)
 
     def look_ahead(self, frame: PreparedFrame) -> None:
-        """Find the features of a frame in a thread, unless those of the last one go on; ``measure`` from that frame on
-        waits for them, or, where there is no other thread, finds them.
+        """Find the features of a frame in a thread; ``measure`` from that frame on waits for them, or, where there is
+        no other thread, finds them.
         """
         self._ahead.drop()
-        if threads() == 1 or (self._followed and self._followed.frame is frame):
+        if threads() == 1:
             return
         self._ahead.start(partial(self._features, frame))
 
     def _tracked(
-        self, features: _Features, previous: PreparedFrame, frame: PreparedFrame, prior: DoubleArray | None,
+        self, previous: PreparedFrame, frame: PreparedFrame, points: FloatArray, prior: DoubleArray | None,
     ) -> EgoMotionMeasurement:
-        points = features.points
         if len(points) < MIN_TRACKS:
             return EgoMotionMeasurement(None, EgoStatus.LOW_TEXTURE, len(points))
         tracks = self._as_expected(previous, frame, points) if prior is None else None
@@ -94,7 +85,6 @@ class IndirectMethod:
         if np.abs(matrix[:2, :2] - np.eye(2)).max() > DEFORMED:
             fit = self._refined(matrix, points, previous, frame) or fit
         self._expected.saw(previous, frame, theta_matrix(fit.theta, centre_of(frame)), tracks)
-        self._go_on(features, moved[good], frame)
         return EgoMotionMeasurement(fit, EgoStatus.OK, len(earlier), earlier, later)
 
     def _as_expected(self, previous: PreparedFrame, frame: PreparedFrame, points: FloatArray) -> Tracks | None:
@@ -105,27 +95,14 @@ class IndirectMethod:
         tracks = track_close(previous.gray, frame.gray, points, self._config, at_scale(expected, frame.scale))
         return tracks if self._expected.confirmed_by(tracks) else None
 
-    def _go_on(self, features: _Features, now: FloatArray, frame: PreparedFrame) -> None:
-        """Let features go on where new ones are not due. now: (n, 2) where those that were followed are."""
-        seconds = (frame.stamp_ns - features.frame.stamp_ns) / NANOSECONDS
-        due = self._every.due(seconds)
-        if due:
-            self._every.done()
-        if due or seconds > LONGEST_S:
-            return
-        there = now[self._places.hold(now, frame.gray.shape, frame.mask)]
-        if len(there) >= LEAST_FOLLOWED * features.found:
-            self._followed = _Features(frame, there, features.found)
-
     def wait(self) -> None:
         """Until the features of the last frame are found."""
         self._ahead.wait()
 
     def _features(self, frame: PreparedFrame) -> _Features:
         config = self._config
-        points = find_features(
-            config.features, frame.gray, config.max_corners, config.corner_quality, frame.mask, self._places)
-        return _Features(frame, points, len(points))
+        return _Features(frame, find_features(
+            config.features, frame.gray, config.max_corners, config.corner_quality, frame.mask, self._places))
 
     def _fit(self, points: FloatArray, moved: FloatArray, frame: PreparedFrame) -> MotionFit | None:
         centre = centre_of(frame)

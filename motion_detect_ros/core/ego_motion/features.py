@@ -46,13 +46,6 @@ class AllowedPlaces:
             self._mask, self._allowed = mask, _allowed(shape, mask)
         return self._allowed
 
-    def hold(self, points: FloatArray, shape: tuple[int, ...], mask: BoolArray | None) -> BoolArray:
-        """(N,) whether each of the points (N, 2), pixels, may be there; on the image or not."""
-        limits = np.array(shape[::-1], np.intp) - 1
-        column, row = np.clip(np.rint(points), 0, limits).astype(np.intp).T
-        held: BoolArray = self.of(shape, mask)[row, column]
-        return held
-
 
 def find_features(
     kind: str, gray: ByteArray, count: int, quality: float, mask: BoolArray | None = None,
