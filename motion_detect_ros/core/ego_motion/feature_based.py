@@ -84,7 +84,8 @@ class IndirectMethod:
         matrix = theta_matrix(fit.theta, centre_of(frame))
         if np.abs(matrix[:2, :2] - np.eye(2)).max() > DEFORMED:
             fit = self._refined(matrix, points, previous, frame) or fit
-        self._expected.saw(previous, frame, theta_matrix(fit.theta, centre_of(frame)), tracks)
+            matrix = theta_matrix(fit.theta, centre_of(frame))
+        self._expected.saw(previous, frame, matrix, tracks)
         return EgoMotionMeasurement(fit, EgoStatus.OK, len(earlier), earlier, later)
 
     def _as_expected(self, previous: PreparedFrame, frame: PreparedFrame, points: FloatArray) -> Tracks | None:

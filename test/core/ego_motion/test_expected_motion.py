@@ -16,18 +16,19 @@ from motion_detect_ros.core.ego_motion.expected_motion import ExpectedMotion
 from motion_detect_ros.core.ego_motion.feature_based import IndirectMethod
 from motion_detect_ros.core.ego_motion.point_tracking import Tracks
 from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
-from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, PreparedFrame
+from motion_detect_ros.core.types import ByteArray, DoubleArray, PreparedFrame
 
 PERIOD_NS = 40_000_000
 
 
-def frame(gray: ByteArray, stamp_ns: int, mask: BoolArray | None = None) -> PreparedFrame:
-    return PreparedFrame(gray, 1.0, gray.shape[1], gray.shape[0], stamp_ns, mask)
+def frame(gray: ByteArray, stamp_ns: int, scale: float = 1.0) -> PreparedFrame:
+    return PreparedFrame(gray, scale, round(gray.shape[1] / scale), round(gray.shape[0] / scale), stamp_ns)
 
 
 def tracks(error_gray: float = 3.0, failed: int = 0) -> Tracks:
+    """Those that failed look like nothing."""
     good = np.arange(100) >= failed
-    return Tracks(np.zeros((100, 2), np.float32), good, np.full(100, error_gray, np.float32))
+    return Tracks(np.zeros((100, 2), np.float32), good, np.where(good, np.float32(error_gray), np.float32(90.0)))
 
 
 def shift(dx: float, dy: float = 0.0) -> DoubleArray:
@@ -63,17 +64,26 @@ class TestExpectedMotion:
         expected, last = self.after([np.eye(3), np.eye(3), turned])
         assert expected.between(last, frame(self.BLANK, last.stamp_ns + PERIOD_NS)) is None
 
+    @pytest.mark.parametrize(('scale', 'off_px', 'expected'), [
+        (1.0, 1.4, True), (1.0, 1.6, False), (0.5, 2.8, True), (0.5, 3.2, False)])
+    def test_a_small_jerk_of_the_working_picture_is_none(self, scale: float, off_px: float, expected: bool) -> None:
+        motions, frames = ExpectedMotion(), [frame(self.BLANK, index * PERIOD_NS, scale) for index in range(5)]
+        for (last, now), dx in zip(pairwise(frames[:4]), (3.0, 3.0, 3.0 + off_px), strict=True):
+            motions.saw(last, now, shift(dx), tracks())
+        assert (motions.between(frames[3], frames[4]) is not None) == expected
+
     def test_nothing_is_expected_from_another_frame_nor_over_a_long_time(self) -> None:
         expected, last = self.after([shift(3.0)] * 3)
         after = frame(self.BLANK, last.stamp_ns + PERIOD_NS)
         assert expected.between(frame(self.BLANK, last.stamp_ns), after) is None
-        assert expected.between(last, frame(self.BLANK, last.stamp_ns + 2 * PERIOD_NS)) is None
+        assert expected.between(last, frame(self.BLANK, last.stamp_ns + 59_000_000)) is not None
+        assert expected.between(last, frame(self.BLANK, last.stamp_ns + 61_000_000)) is None
         expected, last = self.after([shift(3.0)] * 3, 2 * PERIOD_NS)
         assert expected.between(last, frame(self.BLANK, last.stamp_ns + 2 * PERIOD_NS)) is None
 
     @pytest.mark.parametrize(('now', 'confirmed'), [
-        (tracks(), True), (tracks(failed=40), True), (tracks(failed=60), False), (tracks(error_gray=6.0), True),
-        (tracks(error_gray=20.0), False)])
+        (tracks(), True), (tracks(failed=50), True), (tracks(failed=51), False), (tracks(error_gray=6.9), True),
+        (tracks(error_gray=7.1), False)])
     def test_points_confirm_it_that_are_found_and_look_alike(self, now: Tracks, confirmed: bool) -> None:
         expected, _ = self.after([shift(3.0)] * 3)
         assert expected.confirmed_by(now) == confirmed
@@ -97,7 +107,9 @@ def flown(steps: Sequence[DoubleArray], pattern_px: int = 0) -> list[tuple[Prepa
 EVEN = [np.eye(3), *[about_centre(0.2, 1.002, 3.0, -1.0)] * 6]
 
 
-def test_an_even_flight_needs_the_pyramid_at_its_start_only(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize('told', [False, True], ids=['as it was', 'by a gyroscope'])
+def test_an_even_flight_needs_the_pyramid_at_its_start_only(told: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a gyroscope tells of the next motion is a first guess only, and goes before what the last one tells."""
     levels, track = list[int](), point_tracking.lucas_kanade
 
     def noted(one: ByteArray, other: ByteArray, points: object, start: object, options: dict[str, int]) -> object:
@@ -108,10 +120,10 @@ def test_an_even_flight_needs_the_pyramid_at_its_start_only(monkeypatch: pytest.
     method, frames = IndirectMethod(EgoMotionConfig()), flown(EVEN)
     for index, ((previous, _), (now, motion)) in enumerate(pairwise(frames)):
         levels.clear()
-        fit = method.measure(previous, now).fit
+        fit = method.measure(previous, now, motion if told else None).fit
         assert fit is not None
         assert corner_error(feature_based.theta_matrix(fit.theta, feature_based.centre_of(now)), motion) < 0.1
-        assert (max(levels) > 0) == (index < 2), index
+        assert (max(levels) > 0) == (told or index < 2), index
 
 
 @pytest.mark.parametrize('jump_px', [5.0, 9.0, 40.0])
