@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import Delaunay
 
 from motion_detect_ros.core.geometry.cells import near_others
 from motion_detect_ros.core.geometry.order_statistics import grouped_medians
@@ -20,7 +20,7 @@ from motion_detect_ros.core.trajectories.changes import changed_pixels
 from motion_detect_ros.core.trajectories.linked_groups import linked_groups
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
 from motion_detect_ros.core.trajectories.plain_bodies import MIN_PART, joined_parts
-from motion_detect_ros.core.trajectories.points import Points
+from motion_detect_ros.core.trajectories.points import THINNED_PX, Points
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 
@@ -31,8 +31,6 @@ LINK_PX, LINK_COVERED, LONG_LINK_PX, LONG_LINK_COVERED = 20.0, 0.6, 60.0, 0.8
 NEAR_PX = 6.0
 #: What an object covers differs from what was there so long ago, seconds.
 COVERED_S = (0.5, 1.0)
-#: Points beyond every image, pixels, so that a triangulation always exists.
-FAR_CORNERS = 1e5 * np.array([[-1.0, -1.1], [1.2, -1.0], [1.0, 1.3], [-1.4, 1.0]], np.float32)
 #: Fewest points of a cluster, and the most moving points used, the most significant ones.
 MIN_POINTS, MAX_MOVING = 5, 2500
 #: Largest side of a cluster, share of the image width (144 of 960 pixels): what is larger may be vehicles in a row.
@@ -105,7 +103,7 @@ def find_clusters(points: Points, motion: PointMotion, old: BoolArray, frames: R
         return []
     places, still = points.now[moving], points.now[old & ~motion.moving]
     height, width = frames[0].gray.shape
-    links = _links(places, still[near_others(still, places, LINK_PX, width, height)])
+    links = _links(places, still[near_others(still, places, LINK_PX, width, height)], width, height)
     links = links[moved_alike([each[moving] for each in motion.displacements], links)]
     links = links[_covered(places, links, frames)]
     groups = [moving[group] for group in linked_groups(len(moving), links, MIN_PART)]
@@ -125,27 +123,40 @@ def _dense(members: Numbers, places: FloatArray, links: Numbers) -> bool:
     return max(len(group) for group in groups) >= DENSE_SHARE * len(number)
 
 
-def _links(moving: FloatArray, still: FloatArray) -> Numbers:
-    """(n, 2) pairs of neighbours, numbers of ``moving``, up to the longest link."""
-    first, neighbours = Delaunay(np.concatenate([moving, still, FAR_CORNERS])).vertex_neighbor_vertices
+def _links(moving: FloatArray, still: FloatArray, width: int, height: int) -> Numbers:
+    """(n, 2) pairs of neighbours, numbers of ``moving``, up to the longest link.
+
+    All points are in the image, one in a cell of ``THINNED_PX`` pixels: the triangulation names them by their places.
+    """
+    places = np.concatenate([moving, still])
+    row_by_row = np.argsort(places[:, 1] // LINK_PX * np.float32(width) + places[:, 0])  # each starts near the last one
+    around = max(width, height)
+    triangulation = cv2.Subdiv2D((-around, -around, 3 * around, 3 * around))
+    triangulation.insert(places[row_by_row])
     pairs = np.empty((3 * len(moving), 2), np.intp)  # a planar graph has fewer edges
-    return pairs[:_short_edges(first, neighbours, moving, pairs)]
+    numbers = np.full((height // THINNED_PX + 1, width // THINNED_PX + 1), -1, np.int32)
+    return pairs[:_short_edges(triangulation.getEdgeList(), places, len(moving), numbers, pairs)]
 
 
 @kernel()
-def _short_edges(first, neighbours, moving, pairs):  # type: ignore[no-untyped-def]
-    """Writes the edges between ``moving`` points, the first ones; returns their number.
+def _short_edges(edges, places, count, numbers, pairs):  # type: ignore[no-untyped-def]
+    """Writes the edges between the first ``count`` places as pairs of numbers; returns how many.
 
-    neighbours: those of point n from ``first[n]`` to ``first[n + 1]``.
+    edges: (n, 4) both ends, pixels, some beyond the image; numbers: (rows, columns) of cells, -1.
     """
-    count = 0
-    for one in range(len(moving)):
-        for place in range(first[one], first[one + 1]):
-            other = neighbours[place]
-            if one < other < len(moving) and _distance(moving, one, other) <= LONG_LINK_PX:
-                pairs[count, 0], pairs[count, 1] = one, other
-                count += 1
-    return count
+    for number in range(count):
+        numbers[int(places[number, 1]) // THINNED_PX, int(places[number, 0]) // THINNED_PX] = number
+    found = 0
+    for edge in range(len(edges)):
+        for end in range(2):
+            row, column = int(edges[edge, 2 * end + 1]) // THINNED_PX, int(edges[edge, 2 * end]) // THINNED_PX
+            inside = 0 <= row < len(numbers) and 0 <= column < numbers.shape[1]
+            pairs[found, end] = numbers[row, column] if inside else -1
+        one, other = min(pairs[found]), max(pairs[found])
+        if one >= 0 and _distance(places, one, other) <= LONG_LINK_PX:
+            pairs[found, 0], pairs[found, 1] = one, other
+            found += 1
+    return found
 
 
 def _lengths(places: FloatArray, links: Numbers) -> FloatArray:

@@ -32,7 +32,7 @@ ITERATIONS, SMALL_STEP_PX = 12, 0.02
 LEAST_EIGENVALUE, MAX_ERROR_GRAY = 6e-4, 18.0
 #: Levels of the pyramid, above the first, for points that are not where they were looked for, and the window there; the
 #: first of them is the halved image.
-FAR_LEVELS, FAR_WINDOW_PX = 2, (12, 12)
+FAR_LEVELS, FAR_WINDOW_PX = 2, (8, 8)
 #: How often points are tracked back, too, and new ones start, seconds; largest forward-backward error, pixels.
 CHECKED_EVERY_S, FORWARD_BACKWARD_PX = 0.07, 0.3
 #: A point is looked for from as far off on its way back as on its way there, but no farther than this, pixels, from

@@ -156,17 +156,47 @@ class TestClusters:
         assert clusters_of([still]) == []
 
 
+def _one_a_cell(places: np.ndarray) -> np.ndarray:
+    """Those whose cell of 2 x 2 pixels has none before them."""
+    _, first = np.unique(places.astype(int) // 2, axis=0, return_index=True)
+    return places[np.sort(first)]
+
+
 class TestLinks:
     def test_neighbours_are_those_of_the_triangulation_up_to_60_pixels(self) -> None:
         random = np.random.default_rng(0)
-        moving, still = (random.uniform([0, 0], [WIDTH, HEIGHT], (count, 2)).astype(np.float32) for count in (80, 50))
-        places = np.concatenate([moving, still, 1e5 * np.array([[-1.4, -1.1], [1.7, -1.0], [0.1, 1.9]])])
-        first, neighbours = Delaunay(places).vertex_neighbor_vertices
-        expected = {(one, int(other)) for one in range(80) for other in neighbours[first[one]:first[one + 1]]
-                    if one < other < 80 and np.linalg.norm(places[one] - places[other]) <= 60.0}
-        found = _links(moving, still).tolist()
+        places = _one_a_cell(random.uniform([0, 0], [WIDTH, HEIGHT], (180, 2)).astype(np.float32))
+        moving, still = places[:100], places[100:]
+        far = 1e5 * np.array([[-1.4, -1.1], [1.7, -1.0], [0.1, 1.9]])
+        first, neighbours = Delaunay(np.concatenate([places, far])).vertex_neighbor_vertices
+        expected = {(one, int(other)) for one in range(100) for other in neighbours[first[one]:first[one + 1]]
+                    if one < other < 100 and np.linalg.norm(places[one] - places[other]) <= 60.0}
+        found = _links(moving, still, WIDTH, HEIGHT).tolist()
         assert len(found) == len(expected) > 50
         assert {tuple(pair) for pair in found} == expected
+
+    @pytest.mark.parametrize('step', [2, 7, 50])
+    @pytest.mark.parametrize('shift', [0.0, 0.25])
+    def test_points_on_a_lattice_are_linked_with_those_beside_them(self, step: int, shift: float) -> None:
+        """Where many triangulations are right all have the sides of the squares, and one diagonal of each at most."""
+        columns, rows = 40, 15
+        lattice = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), -1).reshape(-1, 2)
+        places = (lattice * np.array([min(step, 7), step]) + shift).astype(np.float32)
+        found = lattice[_links(places, places[:0], 300, 800)]
+        ways = np.abs(found[:, 0] - found[:, 1])
+        sides = ways.sum(axis=1) == 1
+        assert sides.sum() == columns * (rows - 1) + rows * (columns - 1)
+        assert np.all(ways[~sides] == 1) and np.sum(~sides) <= (columns - 1) * (rows - 1)
+
+    def test_points_on_a_line_are_linked_with_the_next_ones(self) -> None:
+        places = np.stack([np.random.default_rng(0).permutation(50) * 4.0, np.full(50, 20.0)], 1).astype(np.float32)
+        found = _links(places, places[:0], 300, 200)
+        assert sorted(np.abs(places[found[:, 0], 0] - places[found[:, 1], 0])) == [4.0] * 49
+
+    def test_points_in_the_corners_of_the_picture_are_linked_too(self) -> None:
+        places = np.array([[0, 0], [39, 0], [0, 29], [39, 29], [20, 15]], np.float32)
+        found = {tuple(pair) for pair in _links(places, places[:0], 40, 30).tolist()}
+        assert {(0, 4), (1, 4), (2, 4), (3, 4), (0, 1), (0, 2), (1, 3), (2, 3)} == found
 
     def test_a_link_lies_on_what_changed(self) -> None:
         """By its length: up to 6 pixels anywhere, up to 20 with six of its nine places, beyond that with eight."""
