@@ -14,7 +14,7 @@ from motion_detect_ros.core.detection.segments import connected_segments
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.carried import carried
 from motion_detect_ros.core.geometry.motion_chain import MotionChain
-from motion_detect_ros.core.geometry.warp import apply, at_scale, grid_points, points_at_scale
+from motion_detect_ros.core.geometry.warp import apply, at_scale, grid_points, points_at_scale, stabilise
 from motion_detect_ros.core.types import EgoMotion, EgoStatus
 
 SECOND = 1_000_000_000
@@ -41,6 +41,19 @@ class TestWarp:
         # full: x -> x + 10. Pixel 3.5 (between 3 and 4) of the full image is pixel 1.5 of the half; 13.5 is 6.5.
         half = at_scale(shift(10, 4), 0.5)
         np.testing.assert_allclose(half @ [1.5, 1.5, 1], [6.5, 3.5, 1])
+
+    @pytest.mark.parametrize('size', [1.0, 2.0])
+    @pytest.mark.parametrize('perspective', [0.0, 2e-4])
+    def test_a_picture_goes_where_its_points_do(self, perspective: float, size: float):
+        """Also by a matrix that is a multiple of itself; beyond its border it goes on as it ends."""
+        def pattern(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+            return 120 + 50 * np.sin(x / 9) + 40 * np.cos(y / 7)
+        matrix = np.array([[1.02, 0.03, -7.3], [-0.02, 0.98, 5.6], [perspective, -perspective, 1.0]])
+        x, y = np.meshgrid(np.arange(160.0), np.arange(90.0))
+        before = np.moveaxis(np.stack([x, y, np.ones_like(x)], -1) @ np.linalg.inv(matrix).T, -1, 0)
+        expected = pattern(np.clip(before[0] / before[2], 0, 159), np.clip(before[1] / before[2], 0, 89))
+        warped = stabilise(np.rint(pattern(x, y)).astype(np.uint8), size * matrix)
+        assert np.abs(warped - expected).max() < 2.5
 
     def test_perspective_division(self):
         matrix = np.array([[1, 0, 0], [0, 1, 0], [0.01, 0, 1]])
