@@ -10,10 +10,8 @@ Goals for two cores on real clips, where they stand, and what is in the way; fig
 | frame to answer 22, 25, 25 ms (305, `uavdt_M1303`, KITTI) | 14, 17, 24 ms | reached |
 | its 95th percentile 1.2 times the median | 1.22, 1.29, 1.16 | what others do on the machine: 1.17, 1.14, 1.16 for \
 the stabilised difference in the same run; in a quieter hour 1.13, 1.12, 1.08 |
-| processor time 38, 44, 44 ms | 41, 47, 31 ms; since then, by the ratio below, 39, 45, 31 ms | one thread takes 37, \
-42, 29 ms (36, 41, 29 ms): the rest is what two threads cost each other. The points' tracker alone is 6 ms for \
-8000 points forwards and backwards; fewer points or smaller windows \
-cost small objects |
+| processor time 38, 44, 44 ms | 41, 47, 31 ms; since then, by the ratios below, 37, 43, 31 ms | reached by these \
+ratios; the table has not been measured again |
 | one thread on 305 42 ms | 37 ms | reached |
 | faster than both plain methods | 14, 17, 24 ms; 30, 30, 27 and 23, 24, 24 ms | reached, on KITTI by a little; in \
 processor time faster than the difference everywhere, than KLT + DBSCAN on KITTI only |
@@ -90,6 +88,13 @@ in turn, whose ratios have the medians 0.99 and 0.95) | 3.2 ms; 12.2, 10.9 s | 2
 way back without a pyramid; of points in one cell the first found with marks instead of numbers (305, `uavdt_M1303`; \
 frame by frame in turn, a slower machine than the tables': processor time of two threads; frame to answer; processor \
 time of one thread) | 1 | 0.95, 0.96; 0.87, 0.87; 0.96, 0.98 |
+| neighbours of points by OpenCV's `Subdiv2D` instead of SciPy's `Delaunay`, the same edges but for a few at the rim, \
+ten times a second; coarse windows of 8 instead of 12 px for points that fail; warps without perspective by the \
+function for them (305, `uavdt_M1303`; frame by frame in turn, medians of three runs: processor time of two threads; \
+frame to answer) | 1 (2000 points: 5.7, 7.4 ms) | 0.97, 0.97; 1.00, 0.99 (1.7, 2.4 ms) |
+| threads of NumPy's OpenBLAS do not wait for their next call in a loop (`OPENBLAS_THREAD_TIMEOUT`; Python 3.12, NumPy \
+1.26.4 and OpenCV 4.6.0 from PyPI, with the line above; processor time of 305 and KITTI with two threads, with one). \
+NumPy 2's do not anyway | 98, 70; 102, 74 ms | 50, 39; 48, 37 ms |
 | fragments are looked for beside larger objects only, instead of in all pairs (default, 100 objects, a frame) | 2.8 \
 ms | 0.6 ms |
 | of two patches the gap is looked at before their common box (65 segments of 8 patches each, about what 100 objects \
@@ -113,13 +118,16 @@ much of both holds Python's lock |
 | segments of a frame of over 24 instead of 40 by two threads (KITTI, eight runs in turn) | 26.2 instead of 26.1 ms |
 | points tracked back behind the answer too (305, a frame) | 1 to 2 ms less, but points that fail carry boxes, \
 `uavdt_M1303` at IoU 0.5 0.517 to 0.470 |
-| a Delaunay triangulation of our own in a kernel, the same edges as Qhull's | 0.5 instead of 4.2 ms ten times a \
-second, behind the answer, for 130 lines: SciPy's stays |
+| a Delaunay triangulation of our own in a kernel, the same edges as Qhull's | 0.5 ms where SciPy's took 4.2, ten \
+times a second, behind the answer, for 130 lines; OpenCV's takes 1.5 |
+| neighbours of points by OpenCV's distance transform, which says where its cells touch (at half the resolution) | 3 \
+instead of 6 ms, and a seventh of the edges are others |
+| a shorter turn of Python's lock (1, 0.2 instead of 5 ms; `pipeline`, 305 live at 20 Hz, two runs) | 73 to 78, 68 to \
+98 instead of 87 to 103 ms from image to detections beside other work on the machine: within its noise |
 | pictures shrunk by bicubic interpolation instead of by area where they stay over 0.7 times as large (`uavdt_M1303`, \
 a frame) | 0.5 instead of 1.6 ms, for 0.01 of F1 ([accuracy.md](accuracy.md#luck)) |
 | seed points of the ego-motion tracked in halved pictures (960x540, a frame) | 0.5 instead of 1.2 ms, for 0.03 of F1 \
 on KITTI ([accuracy.md](accuracy.md#luck)) |
-| triangulation by OpenCV's `Subdiv2D` | 2.0 instead of 4.8 ms, but it refuses points on a lattice or a line |
 | kernels for the normal equations of the ego-motion's and the background's samples, weights and cost | 0.1 ms a \
 frame for 2 s of compiling |
 | `replay`: reading, both halves of the work and writing in threads of their own (305, forwards and backwards, 544 \
@@ -154,7 +162,7 @@ the same bytes |
 Over 30 minutes with the preset `visdrone` on 305, beside the whole test suites, memory rose for 18 minutes, while the
 heaps found their size, and by 0.2 MB in the last 12; the first minutes of a run by itself: 20 ms, nothing dropped.
 
-Of 48 ms a frame of 305 on one thread (cProfile) OpenCV's tracker takes 27 %, its dense flow 12 %, corners of new points
-4 %, the triangulation 4 %, warps 3 %, errors of pictures 2 %; nothing else is over 2 %. The tracker's calls are 6000
-points forwards in every frame and half of them backwards, and 700 of the ego-motion both ways.
+Of 49 ms a frame of 305 on one thread (cProfile) OpenCV's tracker takes 19 %, its dense flow 12 %, errors of pictures 4
+%, corners of new points, warps 3 %, corners of the ego-motion 2 %; nothing else is over 2 %. The tracker's calls are
+6000 points forwards in every frame and half of them backwards, and 700 of the ego-motion both ways.
 '''
