@@ -133,19 +133,21 @@ def _links(moving: FloatArray, still: FloatArray, width: int, height: int) -> Nu
     around = max(width, height)
     triangulation = cv2.Subdiv2D((-around, -around, 3 * around, 3 * around))
     triangulation.insert(places[row_by_row])
-    pairs = np.empty((3 * len(moving), 2), np.intp)  # a planar graph has fewer edges
+    edges = triangulation.getEdgeList()
     numbers = np.full((height // THINNED_PX + 1, width // THINNED_PX + 1), -1, np.int32)
-    return pairs[:_short_edges(triangulation.getEdgeList(), places, len(moving), numbers, pairs)]
+    columns, rows = moving.astype(np.intp).T // THINNED_PX
+    numbers[rows, columns] = np.arange(len(moving))
+    pairs = np.empty((len(edges), 2), np.intp)
+    return pairs[:_short_edges(edges, moving, numbers, pairs)]
 
 
 @kernel()
-def _short_edges(edges, places, count, numbers, pairs):  # type: ignore[no-untyped-def]
-    """Writes the edges between the first ``count`` places as pairs of numbers; returns how many.
+def _short_edges(edges, moving, numbers, pairs):  # type: ignore[no-untyped-def]
+    """Writes the edges between ``moving`` points as pairs of their numbers; returns how many.
 
-    edges: (n, 4) both ends, pixels, some beyond the image; numbers: (rows, columns) of cells, -1.
+    edges: (n, 4) both ends, pixels, some beyond the image; numbers: (rows, columns) those of the points in the cells,
+    -1 = none.
     """
-    for number in range(count):
-        numbers[int(places[number, 1]) // THINNED_PX, int(places[number, 0]) // THINNED_PX] = number
     found = 0
     for edge in range(len(edges)):
         for end in range(2):
@@ -153,7 +155,7 @@ def _short_edges(edges, places, count, numbers, pairs):  # type: ignore[no-untyp
             inside = 0 <= row < len(numbers) and 0 <= column < numbers.shape[1]
             pairs[found, end] = numbers[row, column] if inside else -1
         one, other = min(pairs[found]), max(pairs[found])
-        if one >= 0 and _distance(places, one, other) <= LONG_LINK_PX:
+        if one >= 0 and _distance(moving, one, other) <= LONG_LINK_PX:
             pairs[found, 0], pairs[found, 1] = one, other
             found += 1
     return found
