@@ -91,7 +91,7 @@ time of one thread) | 1 | 0.95, 0.96; 0.87, 0.87; 0.96, 0.98 |
 | neighbours of points by OpenCV's `Subdiv2D` instead of SciPy's `Delaunay`, the same edges but for a few at the rim, \
 ten times a second; coarse windows of 8 instead of 12 px for points that fail; warps without perspective by the \
 function for them (305, `uavdt_M1303`; frame by frame in turn, medians of three runs: processor time of two threads; \
-frame to answer) | 1 (2000 points: 5.7, 7.4 ms) | 0.97, 0.97; 1.00, 0.99 (1.7, 2.4 ms) |
+frame to answer; the neighbours of 1800, 2400 points alone) | 1; 5.7, 7.9 ms | 0.97, 0.97; 1.00, 0.99; 2.2, 3.1 ms |
 | threads of NumPy's OpenBLAS do not wait for their next call in a loop (`OPENBLAS_THREAD_TIMEOUT`; Python 3.12, NumPy \
 1.26.4 and OpenCV 4.6.0 from PyPI, with the line above; processor time of 305 and KITTI with two threads, with one). \
 NumPy 2's do not anyway | 98, 70; 102, 74 ms | 50, 39; 48, 37 ms |
@@ -119,7 +119,7 @@ much of both holds Python's lock |
 | points tracked back behind the answer too (305, a frame) | 1 to 2 ms less, but points that fail carry boxes, \
 `uavdt_M1303` at IoU 0.5 0.517 to 0.470 |
 | a Delaunay triangulation of our own in a kernel, the same edges as Qhull's | 0.5 ms where SciPy's took 4.2, ten \
-times a second, behind the answer, for 130 lines; OpenCV's takes 1.5 |
+times a second, behind the answer, for 130 lines; OpenCV's takes about 2 |
 | neighbours of points by OpenCV's distance transform, which says where its cells touch (at half the resolution) | 3 \
 instead of 6 ms, and a seventh of the edges are others |
 | a shorter turn of Python's lock (1, 0.2 instead of 5 ms; `pipeline`, 305 live at 20 Hz, two runs) | 73 to 78, 68 to \
