@@ -39,7 +39,7 @@ class MotionDetector:
     def use_config(self, config: PipelineConfig) -> None:
         """Settings from the next frame on that keep the neurons (``core.reconfiguration``)."""
         self._join_match = config.objects.join_match
-        self._finder = ObjectFinder(config.objects)
+        self._finder = ObjectFinder(config.objects, with_bodies=not config.trajectories.use)
         self._counts.use_config(config.art2)
         self._use_counts()
 

@@ -12,7 +12,7 @@ from motion_detect_ros.core.config import ObjectsConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.image_pair import ImagePair, image_noise
 from motion_detect_ros.core.detection.motion_field import MotionField
-from motion_detect_ros.core.detection.patches import Patch, connected_pixels, joined_patches
+from motion_detect_ros.core.detection.patches import Patch, connected_pixels, joined_patches, whole_body
 from motion_detect_ros.core.detection.photometric import PhotometricTest, photometric_test, reach_px
 from motion_detect_ros.core.detection.scoring import log_odds
 from motion_detect_ros.core.detection.segments import Segment
@@ -29,6 +29,10 @@ MARGIN_PX = 3
 SPACE_MARGIN_SHARE = 0.5
 #: Parts of one near body may lie apart from this share of the image on: limbs. Cars side by side cover less.
 NEAR_SHARE = 0.05
+#: All parts of one segment are one body where the box around them is at least this share of the image: of plain fur and
+#: clothes only edges give themselves away. Vehicles that drive alike, seen from above, make segments of up to 0.1, and
+#: more where the camera is low: where points are tracked, which tell them apart, parts are left as they are.
+BODY_SHARE = 0.15
 #: Fewer foreground pixels than this are noise.
 MIN_PIXELS = 8
 #: The gain that a patch's strongest pixels reach, as a percentile.
@@ -43,10 +47,11 @@ def is_allowed(sides: Sequence[float], image_area: int, config: ObjectsConfig) -
 
 
 class ObjectFinder:
-    """Tests every segment on the images and fits its boxes."""
+    """Tests every segment on the images and fits its boxes. with_bodies: large segments are one object each."""
 
-    def __init__(self, config: ObjectsConfig) -> None:
+    def __init__(self, config: ObjectsConfig, with_bodies: bool = True) -> None:
         self._config = config
+        self._body_share = BODY_SHARE if with_bodies else math.inf
 
     def find(
         self, segments: list[Segment], field: MotionField, pair: ImagePair, names: npt.NDArray[np.uint32],
@@ -80,8 +85,10 @@ class ObjectFinder:
             pair, region, window, field.background_flow(window, width, height), motion, noise_gray,
             self._config.photometric_sigma)
         found = self._patches_of(test, segment, Box(region.left, region.top, width, height), field.residual.shape[:2])
-        # before a three-dimensional background the test reaches far beside the segment, where flow leaks
-        near_area = NEAR_SHARE * width * height if field.background.smooth else math.inf
+        near_area = math.inf
+        if field.background.smooth:  # before one in space the test reaches far beside the segment, where flow leaks
+            near_area = NEAR_SHARE * width * height
+            found = whole_body(found, self._body_share * width * height, self._config.max_area_share * width * height)
         return [patch.moved(region.left, region.top) for patch in joined_patches(found, near_area)
                 if is_allowed((patch.box.width, patch.box.height), width * height, self._config)]
 

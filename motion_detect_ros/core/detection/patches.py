@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, reduce
 
 import cv2
 import numpy as np
@@ -48,6 +48,16 @@ def connected_pixels(mask: BoolArray, closing_px: int) -> tuple[int, npt.NDArray
 def _ellipse(size_px: int) -> ByteArray:
     kernel: ByteArray = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size_px, size_px))
     return kernel
+
+
+def whole_body(patches: list[Patch], least_area: float, most_area: float) -> list[Patch]:
+    """One patch of all, where their common box has at least and at most such areas, square pixels; else as they are."""
+    if len(patches) < 2:
+        return patches
+    box = reduce(Box.union, (patch.box for patch in patches))
+    if not least_area <= box.area <= most_area:
+        return patches
+    return [Patch(box, sum(patch.pixels for patch in patches))]
 
 
 def joined_patches(patches: list[Patch], near_area: float = math.inf) -> list[Patch]:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
 from motion_detect_ros.core.background.selection import BackgroundSelector
-from motion_detect_ros.core.detection.patches import Patch, joined_patches
+from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.detection.objects import ObjectFinder
+from motion_detect_ros.core.detection.patches import Patch, joined_patches, whole_body
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.presets import load_preset
@@ -30,9 +33,12 @@ def _cross() -> np.ndarray:
     return mask
 
 
-def _seen(preset: str, mask: np.ndarray) -> tuple[list[tuple[float, ...]], int]:
-    """Left, top, right, bottom of what is reported after ``mask`` went to the right, and how far it went."""
-    pipeline, ground, body = MotionPipeline(load_preset(preset)), _texture(0), _texture(1)
+def _seen(preset: str, mask: np.ndarray, body: np.ndarray | None = None) -> tuple[list[tuple[float, ...]], int]:
+    """Left, top, right, bottom of what is reported after ``mask`` went to the right, and how far it went.
+
+    body: picture of it, as wide as ``_texture``, which is the default.
+    """
+    pipeline, ground, body = MotionPipeline(load_preset(preset)), _texture(0), _texture(1) if body is None else body
     for index in range(FRAMES):
         shift = 4 * index
         image = np.where(np.roll(mask, shift, axis=1), np.roll(body, shift, axis=1)[:, :WIDTH], ground[:, :WIDTH])
@@ -98,3 +104,65 @@ def test_of_smaller_boxes_the_same_are_two_objects_side_by_side() -> None:
 def test_far_apart_near_bodies_are_two() -> None:
     """More than half of the box around them would be empty."""
     assert len(joined_patches([TRUNK, Patch(Box(20, 95, 70, 135), 700)], near_area=1000.0)) == 2
+
+
+#: Left, top, right, bottom of a body of plain fur: a fifth of the picture, with little on it but a collar and a nose.
+FUR = (140, 80, 400, 260)
+MARKS = ((150, 90, 175, 130), (250, 100, 270, 150), (370, 215, 395, 250), (180, 225, 215, 245))
+
+
+def _fur() -> np.ndarray:
+    body = np.full((HEIGHT, WIDTH + 4 * FRAMES), 200, np.uint8)
+    body += np.linspace(0, 25, body.shape[1]).astype(np.uint8)  # so that it does not go unseen that it moves
+    for left, top, right, bottom in MARKS:
+        body[top:bottom, left:right] = _texture(2)[top:bottom, left:right]
+    return body
+
+
+@pytest.mark.parametrize('preset', ['default', 'kitti'])
+def test_plain_body_with_marks_is_one_object(preset: str) -> None:
+    mask = np.zeros((HEIGHT, WIDTH), bool)
+    mask[FUR[1]:FUR[3], FUR[0]:FUR[2]] = True
+    edges, shift = _seen(preset, mask, _fur())
+    assert len(edges) == 1
+    np.testing.assert_allclose(edges[0], (FUR[0] + shift, FUR[1], FUR[2] + shift, FUR[3]), atol=20)
+
+
+@pytest.mark.parametrize(('preset', 'whole'), [('kitti', True), ('visdrone', False)])
+def test_where_points_are_tracked_parts_stay_apart(preset: str, whole: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From above it is vehicles side by side that make a large segment."""
+    areas: list[float] = []
+    find = ObjectFinder.find
+
+    def noted(finder: ObjectFinder, *given: Any) -> list[Candidate]:
+        candidates = find(finder, *given)
+        areas.extend(candidate.size.prod() for candidate in candidates)
+        return candidates
+
+    monkeypatch.setattr(ObjectFinder, 'find', noted)
+    mask = np.zeros((HEIGHT, WIDTH), bool)
+    mask[FUR[1]:FUR[3], FUR[0]:FUR[2]] = True
+    _seen(preset, mask, _fur())
+    assert len(areas) > 3
+    assert (max(areas) > 0.15 * mask.size) == whole
+
+
+#: Three marks in a box of 200 x 100.
+SCATTERED = [Patch(Box(0, 0, 20, 20), 300), Patch(Box(90, 40, 110, 60), 200), Patch(Box(180, 80, 200, 100), 100)]
+
+
+def test_parts_of_a_large_segment_are_one_body() -> None:
+    assert whole_body(SCATTERED, 20000.0, 50000.0) == [Patch(Box(0, 0, 200, 100), 600)]
+
+
+def test_parts_of_a_small_one_may_be_neighbours() -> None:
+    assert whole_body(SCATTERED, 20001.0, 50000.0) == SCATTERED
+
+
+def test_parts_are_better_than_a_box_too_large_to_be_reported() -> None:
+    assert whole_body(SCATTERED, 100.0, 19999.0) == SCATTERED
+
+
+def test_one_part_or_none_stay() -> None:
+    assert whole_body([], 0.0, 1e9) == []
+    assert whole_body(SCATTERED[:1], 0.0, 1e9) == SCATTERED[:1]
