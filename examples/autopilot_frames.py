@@ -78,6 +78,16 @@ def sectors_of(frd, range_m):
     return ranges
 
 
+def attitude_at(attitudes, when_s):
+    """The nearest in time of (stamp in s, attitude) and '', or None and why there is none."""
+    if not attitudes:
+        return None, 'no attitude on imu/data so far'
+    stamp_s, attitude = min(attitudes, key=lambda one: abs(one[0] - when_s))
+    if (away_s := abs(stamp_s - when_s)) > NEAR_S:
+        return None, f'no attitude within {NEAR_S:g} s of the image: the nearest is {away_s:.1f} s away'
+    return attitude, ''
+
+
 class AutopilotFrames(Node):
     """Answers each detections message in the frames of the autopilot."""
 
@@ -111,9 +121,9 @@ class AutopilotFrames(Node):
             angle_min=0.0, angle_increment=2 * math.pi / SECTORS, angle_max=2 * math.pi * (SECTORS - 1) / SECTORS,
             ranges=sectors_of(frd, self.range_m).tolist()))
         when = seconds(msg.header)
-        stamp, attitude = min(self.attitudes, key=lambda one: abs(one[0] - when), default=(math.inf, None))
-        if abs(stamp - when) > NEAR_S:
-            return self.get_logger().warning('no attitude of the time of the image', throttle_duration_sec=5.0)
+        attitude, reason = attitude_at(self.attitudes, when)
+        if attitude is None:
+            return self.get_logger().warning(reason, throttle_duration_sec=5.0)
         records = np.zeros(len(detections), NED)
         records['north'], records['east'], records['down'] = frd_to_ned_by_ros(frd, attitude).T
         records['id'] = detections['id']

@@ -23,6 +23,8 @@ from motion_detect_ros.results.metrics import COUNTINGS
 DEFAULT_IOUS = (0.3, 0.5)
 #: Draws of the bootstrap, unless one clip of one run is looked at: there intervals come when asked for.
 DRAWS = 1000
+#: More need memory and tell nothing more: an end of an interval is sure to a hundredth of its length then.
+MOST_DRAWS = 100_000
 PARTIAL = 3
 
 
@@ -92,6 +94,8 @@ def _check(arguments: argparse.Namespace) -> None:
         value = getattr(arguments, name)
         if value is not None and value < least:
             raise SourceError(f'--{name}: expected {least} or more{" frames" if name == "skip" else ""}, got {value}')
+    if (arguments.bootstrap or 0) > MOST_DRAWS:
+        raise SourceError(f'--bootstrap: expected {MOST_DRAWS} or fewer, got {arguments.bootstrap}')
     if arguments.last_frame is not None and arguments.last_frame < arguments.skip:
         raise SourceError(f'--last-frame: expected {arguments.skip} (--skip) or later, got {arguments.last_frame}')
     if not arguments.detections and len(arguments.compare) < 2:

@@ -63,7 +63,7 @@ class EgoMotionConfig:
     features: str = setting(
         'shi_tomasi', 'what is tracked; brisk needs OpenCV 4 or opencv-contrib',
         choices=('shi_tomasi', 'harris', 'fast', 'orb', 'brisk', 'mser'))
-    max_corners: int = setting(700, 'features tracked per frame', low=8, high=5000)
+    max_corners: int = setting(700, 'features tracked per frame', low=48, high=5000)
     corner_quality: float = setting(
         0.002, 'smallest accepted strength of a feature, relative to the best', low=1e-6, high=1.0)
     lk_window_px: int = setting(16, 'window of the Lucas-Kanade tracker', low=5, high=51, unit='px')

@@ -22,10 +22,8 @@ from motion_detect_ros.sources.timeline import Timed, timeline
 
 #: The age of a recorded stamp says nothing about the player.
 UNKNOWN_AGE_MS = float('nan')
-#: Messages this late are no longer played at the recorded pace, seconds.
-LATE_S = 0.1
-#: Between two rounds of a loop, seconds.
-LOOP_PAUSE_S = 0.01
+#: Messages this late are no longer played at the recorded pace; between two rounds of a loop: seconds.
+LATE_S, LOOP_PAUSE_S = 0.1, 0.01
 
 
 class BagPlayerNode(SourceNode):
@@ -70,8 +68,7 @@ class BagPlayerNode(SourceNode):
         if self._next_s is None:  # it has played before
             self._next_s = float(self.get_parameter('position_s').value)
         while not self.stopped.is_set():
-            start_s, self._next_s = self._next_s or 0.0, None
-            self._play_from(start_s)
+            self._play_on()
             if self._next_s is None and (not self._loop or self.stopped.wait(LOOP_PAUSE_S)):
                 return
 
@@ -84,10 +81,9 @@ class BagPlayerNode(SourceNode):
     def condition(self) -> Condition:
         """Silence is part of a recording; damage and lateness are not."""
         late = f'{self._late_s:.1f} s behind the recording' if self._late_s > LATE_S else ''
-        concern = ', '.join(filter(None, (self._damaged, late)))
-        doing = 'paused' if self._pace.paused else 'playing'
-        idle = super().condition().idle or ('' if concern and not self._pace.paused else f'{doing} {self._bag}')
-        return Condition(concern=concern, idle=idle)
+        concern, paused = ', '.join(filter(None, (self._damaged, late))), self._pace.paused
+        doing = '' if concern and not paused else f'{"paused" if paused else "playing"} {self._bag}'
+        return Condition(concern=concern, idle=super().condition().idle or doing)
 
     def _jump(self, position_s: float) -> None:
         self._next_s = position_s
@@ -97,8 +93,9 @@ class BagPlayerNode(SourceNode):
         self._pace.steer(paused=paused)
         return 'paused' if paused else 'playing'
 
-    def _play_from(self, start_s: float) -> None:
-        """From there to the end, unless the user stops it or jumps; static transforms from before are not left out."""
+    def _play_on(self) -> None:
+        """From ``_next_s`` to the end, unless the user stops it or jumps; earlier static transforms too."""
+        start_s, end_ns, self._next_s = self._next_s or 0.0, 0, None
         start_ns = round(start_s * NANOSECONDS)
         with BagReader(self._bag) as reader, self._watched(reader):
             played = filter(self._recorded.takes, reader.messages(self._recorded.topics))
@@ -107,6 +104,7 @@ class BagPlayerNode(SourceNode):
                     self._pace.begin(start_ns)
                 if self.stopped.is_set() or self._next_s is not None:
                     return
+                end_ns = timed.position_ns
                 if timed.position_ns >= start_ns:
                     if (late_s := self._pace.wait(timed.position_ns)) is None:
                         return
@@ -115,6 +113,8 @@ class BagPlayerNode(SourceNode):
                 elif not is_static(timed.message.topic):
                     continue
                 self._publish(timed.message)
+        if end_ns < start_ns:
+            self.get_logger().warning(f'position_s: {start_s:g} is after the end of {self._bag}')
 
     @contextmanager
     def _watched(self, reader: BagReader) -> Iterator[None]:

@@ -161,13 +161,13 @@ def _mot_row(cells: list[str]) -> _Row | None:
     if kind in _MOT_OCCLUDERS:
         return None
     x, y, w, h = finite_box(cells[2:6])
-    counts = _mot_number(cells, 6, 1) != 0 and kind not in _MOT_UNSURE
+    counts = _mot_number(cells, 6, 1) != 0.0 and kind not in _MOT_UNSURE
     return (whole_number(cells[0], 'frame') - 1, whole_number(cells[1], 'id'), x - 1, y - 1, w, h,
             _MOVES if counts else _IGNORED)
 
 
-def _mot_number(cells: list[str], column: int, otherwise: int) -> int:
-    return int(float(cells[column])) if len(cells) > column and cells[column].strip() else otherwise
+def _mot_number(cells: list[str], column: int, otherwise: float) -> float:
+    return float(cells[column]) if len(cells) > column and cells[column].strip() else otherwise
 
 
 def _load_csv(path: Path, lines: list[str], skipped: int) -> Truth:

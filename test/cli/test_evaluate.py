@@ -239,6 +239,7 @@ class TestManyClipsAndRuns:
         ([], 'evaluate: expected detections, or two runs or more after --compare'),
         (['good', '--worst', '2'], '--worst: expected a number of frames together with -o FOLDER'),
         (['good', '--block', '0'], '--block: expected 1 or more, got 0'),
+        (['good', '--bootstrap', '999999999'], '--bootstrap: expected 100000 or fewer, got 999999999'),
         (['--compare', 'good', 'good'], '--compare: expected different runs, got good twice'),
     ])
     def test_wrong_use(self, runs: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],

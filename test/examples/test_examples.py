@@ -248,6 +248,14 @@ class TestAutopilotFrames:
             example('autopilot_frames').AutopilotFrames.on_imu(node, message)
         assert node.attitudes == [(5.0, (1.0, 0.0, 0.0, 0.0))]
 
+    def test_why_there_is_no_attitude(self) -> None:
+        attitude_at = example('autopilot_frames').attitude_at
+        old, new = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0)
+        assert attitude_at([(5.0, old), (5.2, new)], 5.14) == (new, '')
+        assert attitude_at([], 5.0) == (None, 'no attitude on imu/data so far')
+        assert attitude_at([(5.0, old), (5.2, new)], 5.5) == (
+            None, 'no attitude within 0.1 s of the image: the nearest is 0.3 s away')
+
     def test_sectors_go_clockwise_from_the_nose(self) -> None:
         rays = np.array([(1, 0, 0), (0, 1, 0), (math.cos(0.3), -math.sin(0.3), 0)])  # ahead, right, 17 degrees left
         ranges = example('autopilot_frames').sectors_of(rays, 4.0)

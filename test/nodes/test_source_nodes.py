@@ -667,6 +667,13 @@ def test_a_jump_ahead_does_not_turn_the_clock_back(peer, start, transforms):
     assert 5.0 <= seconds(ticks)[0] < 15.0  # the first ones may be lost
 
 
+def test_a_jump_beyond_the_end_is_told(peer, start, transforms, tmp_path):
+    process = start('bag_player', '-p', f'bag:={transforms}', '-p', 'position_s:=20.0')
+    assert set_parameters(peer, 'bag_player', position_s=500.0) == ['']
+    assert process.wait(timeout=60) == 0
+    assert 'position_s: 500 is after the end of' in (tmp_path / 'bag_player.log').read_text()
+
+
 def test_a_player_that_is_activated_again_starts_where_it_is_told(peer, start, transforms):
     ticks = peer.subscribe(Clock, '/clock')
     start('bag_player', '-p', f'bag:={transforms}', '-p', 'position_s:=7.0')

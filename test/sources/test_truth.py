@@ -63,6 +63,12 @@ def test_mot_lines_may_end_with_a_comma(tmp_path: Path) -> None:
     assert truth.boxes['moving'].tolist() == [1, -1]
 
 
+def test_mot_flag_is_a_confidence_above_zero(tmp_path: Path) -> None:
+    """Trackers that write this format put their confidence there."""
+    truth = load_truth(write(tmp_path / 'gt.txt', '1,3,11,21,30,40,0.87\n2,5,11,21,30,40,0.0\n'))
+    assert truth.boxes['moving'].tolist() == [1, -1]
+
+
 def test_mot_names_the_line_that_is_wrong(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match=r'gt.txt, line 3: expected a box of four numbers, got '):
         load_truth(write(tmp_path / 'gt.txt', '1,1,11,21,30,40,1,9,1\n1,1,11,21,30,40,1,1,1\n1,1,1,b,30,40,1,1,1\n'))

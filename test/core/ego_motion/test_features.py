@@ -9,7 +9,8 @@ from warps import about_centre, corner_error, estimate, view, world
 
 from motion_detect_ros.core.config import EgoMotionConfig, PipelineConfig
 from motion_detect_ros.core.ego_motion.features import BLOCK_PX, KINDS, AllowedPlaces, _spread, find_features
-from motion_detect_ros.core.errors import BackendError
+from motion_detect_ros.core.errors import BackendError, ConfigError
+from motion_detect_ros.core.settings import with_settings
 
 CORNER_KINDS = ('shi_tomasi', 'harris', 'fast', 'orb', 'brisk')
 
@@ -139,3 +140,18 @@ def test_places_are_those_of_the_mask_of_each_call():
     smaller = np.ascontiguousarray(picture[:240])
     np.testing.assert_array_equal(find_features('harris', smaller, 480, 1e-5, None, places),
                                   find_features('harris', smaller, 480, 1e-5, None))
+
+
+def test_the_fewest_features_that_can_be_set_are_not_exceeded() -> None:
+    """Every cell of the grid holds one: fewer cannot be had, so fewer cannot be asked for."""
+    least = min(number for number in range(1, 100) if not refused(number))
+    assert len(find('shi_tomasi', textured(), count=least)) == least
+
+
+def refused(number: int) -> bool:
+    """Whether the settings refuse so many features."""
+    try:
+        with_settings(PipelineConfig(), {'ego_motion.max_corners': number})
+    except ConfigError:
+        return True
+    return False
