@@ -15,7 +15,7 @@ from motion_detect_ros.cli.evaluate_pictures import write_worst
 from motion_detect_ros.cli.evaluate_tables import as_json, as_lines
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.results.bootstrap import Bootstrap
-from motion_detect_ros.results.clips import all_clips, clips_of, same_clips, truth_of_clips
+from motion_detect_ros.results.clips import all_clips, clips_of, same_clips, truth_of_clips, unfinished_in
 from motion_detect_ros.results.evaluation import WARM_UP_FRAMES, ClipEvaluation, evaluate_clip, figure_of
 from motion_detect_ros.results.identity import TrackScore, load_trackeval, score_tracks, sequence, table
 from motion_detect_ros.results.metrics import COUNTINGS
@@ -80,10 +80,13 @@ def run(arguments: argparse.Namespace) -> int:
             print('\n'.join(['', f'Identity over time, {countings[0]}, {name}:', *table(scores)]))
     for path in _pictures(arguments, clips, countings[0]):
         print(path, file=sys.stderr if arguments.json else sys.stdout)
-    if missing := [name for name in by_clip if name not in truths]:
-        print(f'error: no truth for {", ".join(missing)}: left out', file=sys.stderr)
-        return PARTIAL
-    return 0
+    left_out = {'no truth for': [name for name in by_clip if name not in truths],
+                'an interrupted replay of': [name for path in (*arguments.detections, *arguments.compare)
+                                             for name in unfinished_in(path)]}
+    for fault, names in left_out.items():
+        if names:
+            print(f'error: {fault} {", ".join(names)}: left out', file=sys.stderr)
+    return PARTIAL if any(left_out.values()) else 0
 
 
 def _check(arguments: argparse.Namespace) -> None:

@@ -75,10 +75,12 @@ def inspect_bag(path: Path) -> BagReport:
 def _topic_report(name: str, msgtype: str, announced: int, stamps_ns: list[int]) -> TopicReport:
     steps_ns = [later - earlier for earlier, later in pairwise(sorted(stamps_ns))]  # of times up to 2**64
     intervals: DoubleArray = np.array(steps_ns, np.float64) / NANOSECONDS
-    median = float(np.median(intervals)) if len(intervals) else 0.0
-    return TopicReport(
-        name, msgtype, len(stamps_ns), announced, 1 / median if median else 0.0,
-        int(np.sum(intervals > GAP_FACTOR * median)), float(intervals.max(initial=0.0)))
+    step_s = float(np.median(intervals)) if len(intervals) else 0.0
+    rate_hz = 1 / step_s if step_s else 0.0
+    if not step_s and intervals.any():  # times of a clock that ticks more slowly than messages come
+        step_s, rate_hz = float(np.median(intervals[intervals > 0.0])), len(intervals) / float(intervals.sum())
+    return TopicReport(name, msgtype, len(stamps_ns), announced, rate_hz,
+                       int(np.sum(intervals > GAP_FACTOR * step_s)), float(intervals.max(initial=0.0)))
 
 
 def _as_table(report: BagReport) -> str:

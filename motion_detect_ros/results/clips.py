@@ -10,6 +10,7 @@ from motion_detect_ros.results.files import CSV_NAME
 from motion_detect_ros.results.live_summary import LiveSummary, read_any_summary
 from motion_detect_ros.results.summary import Summary
 from motion_detect_ros.sources.opening import source_name
+from motion_detect_ros.sources.part_file import part_of
 
 AnySummary = Summary | LiveSummary
 #: Where the truth of a clip may be in a folder of truth; the third as MOT Challenge lays it out.
@@ -29,6 +30,12 @@ def clips_of(path: Path) -> dict[str, Path]:
     if not found:
         raise SourceError(f'{path}: expected detections as CSV, a result folder or a folder of those, found none')
     return found
+
+
+def unfinished_in(path: Path) -> list[str]:
+    """Names of the clips in a folder of result folders whose replay was interrupted: they are none of ``clips_of``."""
+    found = sorted(path.glob(f'*/{part_of(Path(CSV_NAME))}')) if not (path / CSV_NAME).is_file() else []
+    return [file.parent.name for file in found if not (file.parent / CSV_NAME).is_file()]
 
 
 def all_clips(paths: Iterable[Path]) -> dict[str, Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -83,7 +84,7 @@ class Figure:
 def evaluate_clip(
     name: str, truth_path: Path, files: Mapping[str, Path], skip: int = WARM_UP_FRAMES, last_frame: int | None = None,
 ) -> ClipEvaluation:
-    """Read one clip. files: detections.csv by run; last_frame: last one counted, by default the last of all.
+    """Read one clip. files: detections.csv by run; last_frame: last one counted of those that there are.
 
     All frames from ``skip`` on count: those of the replay where its summary lies beside the detections, of several the
     ones that all came to, without any those up to the last one with truth or detections; of a replay of part of its
@@ -95,9 +96,11 @@ def evaluate_clip(
     truth = truth_of_input(truth_path, inputs[0] if inputs else None)
     found = {run: read_found(file) for run, file in files.items()}
     ends = [end for file in files.values() if (end := replayed_frames(file)) is not None]
+    wanted = math.inf if last_frame is None else 1 + last_frame
+    if last_frame is not None:
+        ends.append(1 + last_frame)
     total = min(ends) if ends else max(frame_count(truth.boxes, each.boxes) for each in found.values())
-    late = int((truth.boxes['frame'] >= total).sum()) if last_frame is None else 0
-    total = total if last_frame is None else 1 + last_frame
+    late = int(((truth.boxes['frame'] >= total) & (truth.boxes['frame'] < wanted)).sum())
     windows = [window for file in files.values() if (window := window_frames(file)) is not None]
     frames = counted_frames(total, windows, skip)
     if not len(frames):

@@ -16,6 +16,9 @@ from motion_detect_ros.sources.kitti import KittiDrive, is_kitti_drive
 from motion_detect_ros.sources.video import VIDEO_SUFFIXES, VideoFile
 from motion_detect_ros.sources.window import WHOLE, Window
 
+#: Folder of the pictures in a sequence of MOT Challenge.
+MOT_PICTURES = 'img1'
+
 
 def open_source(
     path: str | Path, fps: float | None = None, topic: str | None = None, window: Window = WHOLE,
@@ -84,8 +87,13 @@ def looks_like_source(path: Path) -> bool:
 
 
 def source_name(path: str | Path) -> str:
-    """The name of an input: that of a folder as it is, dots and all, that of a bag's or video's file without suffix."""
+    """The name of an input: that of a folder as it is, dots and all, that of a bag's or video's file without suffix.
+
+    The pictures of a MOT Challenge sequence are in a folder ``img1`` of it.
+    """
     path = Path(path)
+    if path.name == MOT_PICTURES and path.parent.name:
+        return path.parent.name
     is_file = path.suffix.lower() in {*BAG_SUFFIXES, *VIDEO_SUFFIXES} and not path.is_dir()
     return path.stem if is_file else path.name
 

@@ -141,6 +141,17 @@ def test_inspect_finds_rates_and_gaps(tmp_path: Path) -> None:
     assert report.damaged is None
 
 
+def test_inspect_of_coarse_times_of_recording(tmp_path: Path) -> None:
+    """30 Hz, recorded by a clock that ticks at 10 Hz: two of three messages have the time of the one before."""
+    path = tmp_path / 'a.mcap'
+    with BagWriter(path) as writer:
+        for tick in [*range(60), *range(75, 90)]:
+            writer.write_image(np.zeros((8, 8), np.uint8), 10**9 + tick // 3 * 100_000_000)
+    topic, = inspect_bag(path).topics
+    assert topic.rate_hz == pytest.approx(74 / 2.9)
+    assert (topic.gaps, topic.longest_gap_s) == (1, pytest.approx(0.6))
+
+
 def test_inspect_of_a_cut_bag_exits_with_3(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / 'a.mcap'
     with BagWriter(path, compress=False) as writer:
@@ -235,6 +246,14 @@ class TestManyClipsAndRuns:
         assert main(['evaluate', str(runs / 'good'), '--truth', str(runs / 'truth')]) == 3
         assert capsys.readouterr().err == 'error: no truth for b: left out\n'
 
+    def test_an_interrupted_replay_is_left_out_and_said(
+        self, runs: Path, capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        (runs / 'good' / 'b' / 'detections.csv').rename(runs / 'good' / 'b' / 'detections.csv.part')
+        (runs / 'good' / 'a' / 'detections.csv.part').write_text('of a run that is going on')
+        assert main(['evaluate', str(runs / 'good'), '--truth', str(runs / 'truth')]) == 3
+        assert capsys.readouterr().err == 'error: an interrupted replay of b: left out\n'
+
     @pytest.mark.parametrize(('words', 'complaint'), [
         ([], 'evaluate: expected detections, or two runs or more after --compare'),
         (['good', '--worst', '2'], '--worst: expected a number of frames together with -o FOLDER'),
@@ -328,3 +347,20 @@ def test_frames_that_the_settings_leave_out_do_not_count(tmp_path: Path, capsys:
         capsys.readouterr()
         result = run_json(capsys, 'evaluate', str(out), '--truth', str(tmp_path / 'truth.csv'))
         assert (result['frames'], result['moving@0.5']['recall']) == (10, 1.0), words  # type: ignore[index]
+
+
+def test_sequences_of_mot_challenge_are_replayed_and_evaluated_by_their_names(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    """They are laid out as SEQUENCE/img1/000001.jpg and SEQUENCE/gt/gt.txt."""
+    for name in ('MOT17-02', 'MOT17-04'):
+        (tmp_path / 'MOT' / name / 'img1').mkdir(parents=True)
+        (tmp_path / 'MOT' / name / 'gt').mkdir()
+        for number in range(1, 13):
+            cv2.imwrite(str(tmp_path / 'MOT' / name / 'img1' / f'{number:06d}.jpg'), np.zeros((64, 96), np.uint8))
+        (tmp_path / 'MOT' / name / 'gt' / 'gt.txt').write_text('12,1,11,21,30,40,1,1,1\n')
+    assert main(['replay', str(tmp_path / 'MOT'), '-o', str(tmp_path / 'out'), '--no-report']) == 0
+    assert sorted(path.name for path in (tmp_path / 'out').glob('*/')) == ['MOT17-02', 'MOT17-04']
+    capsys.readouterr()
+    result = run_json(capsys, 'evaluate', str(tmp_path / 'out'), '--truth', str(tmp_path / 'MOT'))
+    assert list(result['clips']) == ['MOT17-02', 'MOT17-04']  # type: ignore[call-overload]

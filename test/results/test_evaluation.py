@@ -90,7 +90,10 @@ class TestFrames:
         assert (list(clip.frames), clip.late_labels) == ([2, 3, 4, 5, 6, 7], 12)
         score = figure_of([clip], 'moving', 0.5).scores['a']['run']
         assert (score.wanted, score.true_positives) == (6, 4)
-        assert evaluate_clip('a', tmp_path / 'truth.csv', {'run': found}, 2, last_frame=9).late_labels == 0
+        clip = evaluate_clip('a', tmp_path / 'truth.csv', {'run': found}, 2, last_frame=9)  # of a longer clip
+        assert (list(clip.frames), clip.late_labels) == ([2, 3, 4, 5, 6, 7], 2)
+        clip = evaluate_clip('a', tmp_path / 'truth.csv', {'run': found}, 2, last_frame=5)
+        assert (list(clip.frames), clip.late_labels) == ([2, 3, 4, 5], 0)
 
     def test_of_two_replays_the_frames_count_that_both_came_to(self, tmp_path: Path) -> None:
         files = {}

@@ -134,6 +134,31 @@ def test_a_finished_input_is_done_anew_for_a_format_or_pictures_that_it_does_not
     assert read_summary(tmp_path).overlay
 
 
+@pytest.mark.parametrize(('before', 'now', 'lost'), [
+    ('mcap', 'mot', 'detections.mcap'), ('mcap,coco', 'mcap,mot', 'coco.json'), ('mot,mcap,coco', 'parquet',
+                                                                                'coco.json, detections.mcap, mot.txt'),
+])
+def test_finished_files_are_not_lost_to_another_format(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], before: str, now: str, lost: str,
+) -> None:
+    words = ['replay', str(bag), '-o', str(tmp_path), '--no-report', '--formats']
+    assert main([*words, before]) == 0
+    files = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    assert main([*words, now]) == 2
+    assert f'{tmp_path}: holds {lost}, which --formats does not name; --force removes it' in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == files
+
+
+def test_finished_pictures_are_not_lost_to_another_format(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ['replay', str(bag), '-o', str(tmp_path), '--no-report', '--formats']
+    assert main([*words, 'mcap', '--overlay']) == 0
+    assert main([*words, 'mcap,mot']) == 2
+    assert f'{tmp_path}: holds the pictures of --overlay, which is not given; --force removes them' in (
+        capsys.readouterr().err)
+
+
 @pytest.mark.parametrize(('text', 'formats'), [
     ('csv,mcap', DEFAULT_FORMATS), ('mcap', ('csv', 'mcap')), ('coco, mot', ('csv', 'mot', 'coco')), ('csv', ('csv',)),
 ])

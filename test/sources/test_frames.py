@@ -51,6 +51,12 @@ def test_only_the_suffixes_of_bags_and_videos_are_none_of_the_name(path: str, na
     assert source_name(tmp_path / path) == Path(path).name, 'a folder has no suffix'
 
 
+@pytest.mark.parametrize(('path', 'name'), [
+    ('data/MOT17-02/img1', 'MOT17-02'), ('img1', 'img1'), ('/img1', 'img1'), ('data/img1.mcap', 'img1')])
+def test_a_mot_sequence_gives_its_name(path: str, name: str) -> None:
+    assert source_name(path) == name
+
+
 def test_pictures_come_in_natural_order(tmp_path: Path) -> None:
     folder = make_pictures(tmp_path / 'p', ['f1.png', 'f2.png', 'f10.png'])
     assert [file.name for file in image_files(folder)] == ['f1.png', 'f2.png', 'f10.png']

@@ -110,8 +110,12 @@ class Track:
         self._travel.predict(rows, dt_s)
 
     def predict_without_ego_motion(self, camera_px: float, dt_s: float) -> None:
-        """The same with the camera's motion unknown: none is assumed, ``camera_px`` is its deviation along an axis."""
+        """The same with the camera's motion unknown: none is assumed, ``camera_px`` is its deviation along an axis.
+
+        It was not detected in this time either.
+        """
         self.predict(AT_REST, 1.0, dt_s)
+        self.coasted_s += dt_s
         self._filter.widen(camera_px ** 2)
         self.gate_inflation_px = math.hypot(self.gate_inflation_px, camera_px)
 
@@ -134,7 +138,8 @@ class Track:
         self._coast(dt_s)
 
     def coast_recognised(self, centre: Pair, dt_s: float, appearance_hold_s: float) -> None:
-        """The object shows no motion but was recognised at ``centre``: log odds fade to 0 over ``appearance_hold_s``.
+        """The object shows no motion but was recognised at ``centre``: log odds fall by their amount over
+        ``appearance_hold_s``, positive ones to 0.
 
         centre: full-resolution pixels; dt_s: since the last frame, seconds; appearance_hold_s: over 0, seconds.
         """
@@ -142,7 +147,7 @@ class Track:
         self._found_at(centre)
         self._filter.correct_place(centre, MIN_CENTRE_PX ** 2)
         self._filter.slow(kept(dt_s, REST_S))
-        self.log_odds = self._log_odds_seen * max(0.0, 1.0 - self.recognised_s / appearance_hold_s)
+        self.log_odds = self._log_odds_seen - abs(self._log_odds_seen) * min(1.0, self.recognised_s / appearance_hold_s)
         self.coasted_s, self.coasted_frames = 0.0, 0
 
     def coast_unobserved(self, dt_s: float) -> None:

@@ -100,6 +100,19 @@ def test_dropped_outside_the_picture():
     assert counts[10:17] == [1] * 7 and sum(counts[22:]) == 0
 
 
+@pytest.mark.parametrize('log_odds', [2.0, -0.3])
+def test_the_score_of_what_is_held_falls_also_where_it_was_low(log_odds: float):
+    tracker = Tracker(TracksConfig(appearance='template', confirm_log_odds=-9.0, show_log_odds=-9.0))
+    picture, scores = texture(1, 120, 200), []
+    picture[40:80, 120:160] = texture(2, 40, 40)
+    one = Candidate(np.array([140.0, 60.0]), np.array([40.0, 40.0]), np.zeros(2), 1600.0, log_odds, 1)
+    for index in range(40):
+        records = tracker.step([one] if index < 10 else [], np.eye(3), 0.04, 200, 120, picture)
+        scores.extend(records['score'].tolist())
+    held = scores[-30:]
+    assert len(scores) > 35 and (np.diff(held) <= 0.0).all() and held[-1] < held[0] - 0.02
+
+
 @pytest.mark.parametrize(('away', 'held'), [((300.0, 0.0), True), ((0.0, 200.0), True), ((60.0, 0.0), False)],
                          ids=['in its row', 'in its column', 'on top'])
 def test_held_unless_another_object_is_detected_on_top(away: tuple[float, float], held: bool):

@@ -262,6 +262,16 @@ class TestMissingEgoMotion:
         records = tracker.step([], np.eye(3), DT_S, 640, 480)
         assert records['u'][0] == pytest.approx(155 + 100 * 0.45, abs=1.0)
 
+    @pytest.mark.parametrize(('missing_s', 'longest'), [(0.9, 1), (DT_S, 2), (0.0, 3)])
+    def test_time_without_frames_is_time_undetected(self, missing_s: float, longest: int):
+        """An object lives for ``coast_s``, three frames, and for one at least; nothing says that it is there still."""
+        tracker = Tracker(replace(CONFIG, coast_s=3 * DT_S, show_log_odds=-10.0))
+        self.steady(tracker)
+        if missing_s:
+            tracker.coast_without_frame(missing_s, 640)
+        counts = [len(tracker.step([], np.eye(3), DT_S, 640, 480)) for _ in range(6)]
+        assert counts == [1] * longest + [0] * (6 - longest)
+
     @pytest.mark.parametrize(('step_px', 'reported'), [(0.0, False), (2.0, True)])
     def test_the_way_of_the_camera_is_not_that_of_a_faint_object(self, step_px: float, reported: bool):
         """Every third frame is missing while the camera pans by 3 px a frame: 120 px in all, 5 sizes of the object."""
