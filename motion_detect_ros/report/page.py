@@ -230,7 +230,8 @@ def _counts(replayed: Replayed) -> Iterator[tuple[str, int]]:
     yield 'processed', summary.frames
     yield 'unreadable or unusable', summary.bad_frames
     yield 'left out, stamp seen already, late or out of range', summary.misstamped_frames
-    yield 'left out on request', max(0, summary.source_frames - summary.frames - lost)
+    left_out = 'left out on request' + ('' if summary.complete else ', or read ahead when it was interrupted')
+    yield left_out, max(0, summary.source_frames - summary.frames - lost)
     for status, count in summary.ego_status.items():
         if status not in ('ok', 'first_frame'):
             yield f'camera\'s motion unknown: {status.replace("_", " ")}', count

@@ -215,6 +215,16 @@ def test_a_replay_that_was_killed_is_told_by_its_rows(results: Path):
     assert told.stage_ms['total'] == Percentiles(14.0, 14.0), 'as the rows say'
 
 
+@pytest.mark.parametrize(('complete', 'name'), [
+    (True, 'left out on request'), (False, 'left out on request, or read ahead when it was interrupted')])
+def test_nothing_was_requested_of_a_replay_that_was_interrupted(results: Path, complete: bool, name: str):
+    pytest.importorskip('plotly', reason='plotly is not installed (extra "report")')
+    from motion_detect_ros.report.page import _counts
+    summary = read_summary(results)
+    write_summary(results, replace(summary, complete=complete, source_frames=summary.source_frames + 5))
+    assert dict(_counts(read_replayed(results)))[name] == 5
+
+
 class TestPictures:
     """One more pass over the input."""
 
