@@ -81,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
     for path in _pictures(arguments, clips, countings[0]):
         print(path, file=sys.stderr if arguments.json else sys.stdout)
     left_out = {'no truth for': [name for name in by_clip if name not in truths],
-                'an interrupted replay of': [name for path in (*arguments.detections, *arguments.compare)
+                'an unfinished replay of': [name for path in (*arguments.detections, *arguments.compare)
                                              for name in unfinished_in(path)]}
     for fault, names in left_out.items():
         if names:

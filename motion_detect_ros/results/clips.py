@@ -33,7 +33,7 @@ def clips_of(path: Path) -> dict[str, Path]:
 
 
 def unfinished_in(path: Path) -> list[str]:
-    """Names of the clips in a folder of result folders whose replay was interrupted: they are none of ``clips_of``."""
+    """Names of the clips in a folder of result folders whose replay is not finished: they are none of ``clips_of``."""
     found = sorted(path.glob(f'*/{part_of(Path(CSV_NAME))}')) if not (path / CSV_NAME).is_file() else []
     return [file.parent.name for file in found if not (file.parent / CSV_NAME).is_file()]
 

@@ -246,13 +246,13 @@ class TestManyClipsAndRuns:
         assert main(['evaluate', str(runs / 'good'), '--truth', str(runs / 'truth')]) == 3
         assert capsys.readouterr().err == 'error: no truth for b: left out\n'
 
-    def test_an_interrupted_replay_is_left_out_and_said(
+    def test_an_unfinished_replay_is_left_out_and_said(
         self, runs: Path, capsys: pytest.CaptureFixture[str],
     ) -> None:
         (runs / 'good' / 'b' / 'detections.csv').rename(runs / 'good' / 'b' / 'detections.csv.part')
         (runs / 'good' / 'a' / 'detections.csv.part').write_text('of a run that is going on')
         assert main(['evaluate', str(runs / 'good'), '--truth', str(runs / 'truth')]) == 3
-        assert capsys.readouterr().err == 'error: an interrupted replay of b: left out\n'
+        assert capsys.readouterr().err == 'error: an unfinished replay of b: left out\n'
 
     @pytest.mark.parametrize(('words', 'complaint'), [
         ([], 'evaluate: expected detections, or two runs or more after --compare'),
