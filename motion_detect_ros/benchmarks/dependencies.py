@@ -90,8 +90,8 @@ def _installed(name: str, version: str) -> Dependency:
         raise ConfigError(f'{name}: expected version {version}, got {found["Version"]}')
     classified = [each.removeprefix(_CLASSIFIER) for each in found.get_all('Classifier') or ()
                   if each.startswith(_CLASSIFIER)]
-    said = READ.get(name) or found['License-Expression'] or ' and '.join(classified) or (
-        found['License'] or '').strip() or _of_ros_package(name)
+    expression, licence = ((found.get_all(field) or [''])[0] for field in ('License-Expression', 'License'))
+    said = READ.get(name) or expression or ' and '.join(classified) or licence.strip() or _of_ros_package(name)
     return Dependency(name, version, said.splitlines()[0] if said else '')
 
 

@@ -44,6 +44,27 @@ def test_a_long_licence_is_judged_as_a_whole_and_short_in_the_table(monkeypatch,
     assert table([found])[-1] == f'| some | 1.0 | {("MIT AND " * 10)[:60].rstrip()} ... | copyleft |'
 
 
+@pytest.mark.parametrize(('said', 'kind'), [
+    ({'License-Expression': 'MIT'}, 'permissive'), ({'License': 'MIT'}, 'permissive'),
+    ({'Classifier': 'License :: OSI Approved :: MIT License'}, 'permissive'), ({}, 'unknown')])
+def test_what_metadata_does_not_say_is_none(monkeypatch, tmp_path, said, kind):
+    """importlib_metadata, where something has imported it, raises KeyError for it; importlib.metadata gives None."""
+    class Raising(Message):
+        def __getitem__(self, name):
+            if name not in self:
+                raise KeyError(name)
+            return super().__getitem__(name)
+
+    written = Raising()
+    for name, value in {'Version': '1.0', **said}.items():
+        written[name] = value
+    monkeypatch.setattr('motion_detect_ros.benchmarks.dependencies.metadata', lambda name: written)
+    lock = tmp_path / 'requirements.lock'
+    lock.write_text('some==1.0\n')
+    (found,) = dependencies(lock)
+    assert found.kind == kind
+
+
 def test_every_dependency_may_be_combined_with_ours_and_the_page_says_so():
     try:
         found = dependencies(LOCK)

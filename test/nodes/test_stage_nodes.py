@@ -213,7 +213,7 @@ def test_parameters_tell_unit_range_and_meaning(peer, start):
     assert error.type == ParameterType.PARAMETER_DOUBLE
     assert (error.floating_point_range[0].from_value, error.floating_point_range[0].to_value) == (0.01, 10.0)
     assert '[px]' in error.description
-    assert (corners.integer_range[0].from_value, corners.integer_range[0].to_value) == (8, 5000)
+    assert (corners.integer_range[0].from_value, corners.integer_range[0].to_value) == (48, 5000)
     assert 'kalman' in smoothing.additional_constraints
 
 
