@@ -135,8 +135,8 @@ def test_a_finished_input_is_done_anew_for_a_format_or_pictures_that_it_does_not
 
 
 @pytest.mark.parametrize(('before', 'now', 'lost'), [
-    ('mcap', 'mot', 'detections.mcap'), ('mcap,coco', 'mcap,mot', 'coco.json'), ('mot,mcap,coco', 'parquet',
-                                                                                'coco.json, detections.mcap, mot.txt'),
+    ('mcap', 'mot', 'detections.mcap'), ('mcap,coco', 'mcap,mot', 'coco.json'),
+    ('mcap,coco', 'mot', 'coco.json, detections.mcap'),
 ])
 def test_finished_files_are_not_lost_to_another_format(
     bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], before: str, now: str, lost: str,
