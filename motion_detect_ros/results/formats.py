@@ -25,6 +25,7 @@ from motion_detect_ros.results.files import (
     TIMES_NAME,
 )
 from motion_detect_ros.results.live_summary import LiveSummary, read_any_summary
+from motion_detect_ros.results.summary import Summary
 from motion_detect_ros.sources.part_file import part_of
 
 
@@ -68,6 +69,12 @@ def output_names(formats: Sequence[str]) -> tuple[str, ...]:
     return *(FORMATS[name].name for name in formats), SUMMARY_NAME, FRAMES_NAME, TIMES_NAME
 
 
+def outputs_of(summary: Summary | LiveSummary) -> tuple[str, ...]:
+    """Names of all files that the replay which this is the summary of left in its folder."""
+    formats = DEFAULT_FORMATS if isinstance(summary, LiveSummary) else summary.formats
+    return output_names([name for name in formats if name in FORMATS])
+
+
 def output_files(folder: Path) -> tuple[Path, ...]:
     """Every file that a replay may write, rename or remove in its folder."""
     files = [folder / name for name in (*output_names([*FORMATS]), REPORT_NAME)]
@@ -92,8 +99,7 @@ def remove_others(folder: Path, names: Sequence[str]) -> None:
     except SourceError:
         earlier: tuple[str, ...] = ()
     else:
-        formats = DEFAULT_FORMATS if isinstance(summary, LiveSummary) else summary.formats
-        earlier = output_names([name for name in formats if name in FORMATS])
+        earlier = outputs_of(summary)
     for path in (folder / name for name in (*earlier, REPORT_NAME) if name not in names):
         path.unlink(missing_ok=True)
         part_of(path).unlink(missing_ok=True)

@@ -16,7 +16,7 @@ from motion_detect_ros.core.errors import MotionDetectError, SourceError
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.report.make import report_after_replay
 from motion_detect_ros.results.files import BAG_NAME, CSV_NAME, REPORT_NAME, SUMMARY_NAME
-from motion_detect_ros.results.formats import FORMATS, output_names
+from motion_detect_ros.results.formats import output_names, outputs_of
 from motion_detect_ros.results.live_summary import LiveSummary, read_any_summary, read_live_summary
 from motion_detect_ros.results.ownership import is_owned
 from motion_detect_ros.results.summary import WINDOW_FIELDS, Summary, read_summary
@@ -92,8 +92,7 @@ def look(job: Job, live: bool = False) -> Found:
 
 def _refuse_losses(summary: Summary, job: Job) -> None:
     """Raises: SourceError where doing a finished job anew would leave out what it has."""
-    earlier = output_names([name for name in summary.formats if name in FORMATS])
-    other = sorted({*earlier} - {*output_names(job.formats)})
+    other = sorted({*outputs_of(summary)} - {*output_names(job.formats)})
     if there := [name for name in other if (job.folder / name).exists()]:
         raise SourceError(f'{job.folder}: holds {", ".join(there)}, which --formats does not name; --force removes it')
     if summary.overlay and not job.overlay:
