@@ -157,17 +157,19 @@ def _kitti_row(cells: list[str]) -> _Row:
 
 
 def _mot_row(cells: list[str]) -> _Row | None:
-    kind = _mot_number(cells, 7, -1) if len(cells) < _VISDRONE_COLUMNS else -1  # of 2015: a position in space
+    kind = -1 if len(cells) >= _VISDRONE_COLUMNS else whole_number(_mot_cell(cells, 7, '-1'), 'class')  # 2015: a place
     if kind in _MOT_OCCLUDERS:
         return None
     x, y, w, h = finite_box(cells[2:6])
-    counts = _mot_number(cells, 6, 1) != 0.0 and kind not in _MOT_UNSURE
+    flag = float(_mot_cell(cells, 6, '1'))
+    if not math.isfinite(flag):
+        raise ValueError(f'flag: expected a finite number, got {flag:g}')
     return (whole_number(cells[0], 'frame') - 1, whole_number(cells[1], 'id'), x - 1, y - 1, w, h,
-            _MOVES if counts else _IGNORED)
+            _MOVES if flag and kind not in _MOT_UNSURE else _IGNORED)
 
 
-def _mot_number(cells: list[str], column: int, otherwise: float) -> float:
-    return float(cells[column]) if len(cells) > column and cells[column].strip() else otherwise
+def _mot_cell(cells: list[str], column: int, otherwise: str) -> str:
+    return cells[column] if len(cells) > column and cells[column].strip() else otherwise
 
 
 def _load_csv(path: Path, lines: list[str], skipped: int) -> Truth:

@@ -69,6 +69,12 @@ def test_mot_flag_is_a_confidence_above_zero(tmp_path: Path) -> None:
     assert truth.boxes['moving'].tolist() == [1, -1]
 
 
+@pytest.mark.parametrize('cells', ['nan,1,1', 'inf,1,1', '1,nan,1', '1,-inf,1'])
+def test_mot_flags_and_classes_are_finite(tmp_path: Path, cells: str) -> None:
+    with pytest.raises(SourceError, match=r'gt.txt, line 2: '):
+        load_truth(write(tmp_path / 'gt.txt', f'1,1,11,21,30,40,1,1,1\n1,1,11,21,30,40,{cells}\n'))
+
+
 def test_mot_names_the_line_that_is_wrong(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match=r'gt.txt, line 3: expected a box of four numbers, got '):
         load_truth(write(tmp_path / 'gt.txt', '1,1,11,21,30,40,1,9,1\n1,1,11,21,30,40,1,1,1\n1,1,1,b,30,40,1,1,1\n'))
