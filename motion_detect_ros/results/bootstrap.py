@@ -23,6 +23,8 @@ from motion_detect_ros.results.metrics import CountArray
 MIN_BLOCKS = 5
 #: Of fewer blocks, or clips where clips are drawn, even the stretched interval is a rough one.
 ENOUGH = 20
+#: Blocks that are drawn at once, of all the draws of a long clip.
+AT_ONCE = 10 ** 6
 
 
 @dataclass(frozen=True)
@@ -113,5 +115,8 @@ def _within(counts: CountArray, plan: Bootstrap, rng: np.random.Generator) -> Do
     number = plan.blocks(frames)
     starts = np.arange(number) * frames // number
     blocks = np.add.reduceat(counts, starts, axis=1) if frames else np.zeros((len(counts), 1, 3), np.int64)
-    drawn = rng.integers(0, number, (plan.resamples, number))
-    return f1_of(blocks[:, drawn].sum(axis=2)).T
+    resampled, step = np.empty((plan.resamples, len(counts))), max(1, AT_ONCE // number)
+    for first in range(0, plan.resamples, step):
+        some = resampled[first:first + step]
+        some[:] = f1_of(blocks[:, rng.integers(0, number, (len(some), number))].sum(axis=2)).T
+    return resampled
