@@ -80,9 +80,9 @@ def run(arguments: argparse.Namespace) -> int:
             print('\n'.join(['', f'Identity over time, {countings[0]}, {name}:', *table(scores)]))
     for path in _pictures(arguments, clips, countings[0]):
         print(path, file=sys.stderr if arguments.json else sys.stdout)
+    unfinished = [name for path in (*arguments.detections, *arguments.compare) for name in unfinished_in(path)]
     left_out = {'no truth for': [name for name in by_clip if name not in truths],
-                'an unfinished replay of': [name for path in (*arguments.detections, *arguments.compare)
-                                             for name in unfinished_in(path)]}
+                'an unfinished replay of': list(dict.fromkeys(unfinished))}
     for fault, names in left_out.items():
         if names:
             print(f'error: {fault} {", ".join(names)}: left out', file=sys.stderr)

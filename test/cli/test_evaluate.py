@@ -254,6 +254,15 @@ class TestManyClipsAndRuns:
         assert main(['evaluate', str(runs / 'good'), '--truth', str(runs / 'truth')]) == 3
         assert capsys.readouterr().err == 'error: an unfinished replay of b: left out\n'
 
+    def test_what_is_unfinished_in_two_runs_is_said_once(
+        self, runs: Path, capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        good, bad = runs / 'good', runs / 'bad'
+        for run in (good, bad):
+            (run / 'b' / 'detections.csv').rename(run / 'b' / 'detections.csv.part')
+        assert main(['evaluate', '--compare', str(good), str(bad), '--truth', str(runs / 'truth')]) == 3
+        assert capsys.readouterr().err == 'error: an unfinished replay of b: left out\n'
+
     @pytest.mark.parametrize(('words', 'complaint'), [
         ([], 'evaluate: expected detections, or two runs or more after --compare'),
         (['good', '--worst', '2'], '--worst: expected a number of frames together with -o FOLDER'),
