@@ -16,7 +16,7 @@ from motion_detect_ros.core.geometry.order_statistics import grouped_medians
 from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.trajectories.alike import moved_alike
-from motion_detect_ros.core.trajectories.changes import changed_pixels
+from motion_detect_ros.core.trajectories.changes import changed_pixels, long_ago
 from motion_detect_ros.core.trajectories.linked_groups import linked_groups
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
 from motion_detect_ros.core.trajectories.plain_bodies import MIN_PART, joined_parts
@@ -29,8 +29,6 @@ from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 LINK_PX, LINK_COVERED, LONG_LINK_PX, LONG_LINK_COVERED = 20.0, 0.6, 60.0, 0.8
 #: Links up to this length, pixels, are within what one point's window sees.
 NEAR_PX = 6.0
-#: What an object covers differs from what was there so long ago, seconds.
-COVERED_S = (0.5, 1.0)
 #: Fewest points of a cluster, and the most moving points used, the most significant ones.
 MIN_POINTS, MAX_MOVING = 5, 2500
 #: Largest side of a cluster, share of the image width (144 of 960 pixels): what is larger may be vehicles in a row.
@@ -59,6 +57,14 @@ class Cluster:
     def side_px(self) -> float:
         """The longer side of the bounds."""
         return float((self.high - self.low).max())
+
+
+def joined(clusters: Sequence[Cluster], points: Points) -> Cluster:
+    """One of all of their points, which moves as the largest of them does."""
+    members = np.concatenate([each.members for each in clusters])
+    largest = max(clusters, key=lambda each: len(each.members))
+    places = points.now[members]
+    return Cluster(members, places.min(axis=0), places.max(axis=0), largest.velocity, largest.background)
 
 
 def carried(clusters: Sequence[Cluster], before: Points, now: Points) -> list[tuple[Cluster, DoubleArray] | None]:
@@ -167,7 +173,7 @@ def _lengths(places: FloatArray, links: Numbers) -> FloatArray:
 
 def _covered(places: FloatArray, links: Numbers, frames: RecentFrames) -> BoolArray:
     """(n,) whether a link lies on what changed."""
-    changed = changed_pixels(frames, sorted({frames.nearest(seconds) for seconds in COVERED_S}))
+    changed = changed_pixels(frames, long_ago(frames))
     covered = np.empty(len(links), np.bool_)
     _on_changes(places, links, changed, ALONG, covered)
     return covered

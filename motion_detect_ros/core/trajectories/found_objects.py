@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,8 @@ import numpy.typing as npt
 from motion_detect_ros.core.config import ObjectsConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.objects import is_allowed
-from motion_detect_ros.core.trajectories.clusters import Cluster, carried
+from motion_detect_ros.core.trajectories.changed_regions import ChangedRegions
+from motion_detect_ros.core.trajectories.clusters import Cluster, carried, joined
 from motion_detect_ros.core.trajectories.own_pixels import NearestPoints
 from motion_detect_ros.core.trajectories.point_boxes import BoxFitter, PointBox
 from motion_detect_ros.core.trajectories.point_counts import PointCounts
@@ -25,6 +26,9 @@ from motion_detect_ros.core.types import BoolArray, DoubleArray
 UNFITTED_LOG_ODDS = 0.5
 #: How far around a box the points are looked at, pixels.
 AROUND_PX = 10.0
+#: Points reach beyond an object by a good part of its size where this is under so many pixels, the square root of its
+#: box; a region of change from this intersection over union with its box on shows the same object.
+SMALL_PX, SAME_IOU = 32.0, 0.2
 #: ``Candidate.cluster`` of what no ART2 neuron won.
 NO_NEURON = 0
 
@@ -94,9 +98,57 @@ def objects_of(
         return []
     there, boxes = zip(*found, strict=True)
     figures = _figures(there, [box.whole for box in boxes], known, moving)
-    objects = (FoundObject(cluster, box.solid, one, score.log_odds(one), box.dark)
-               for (cluster, box), one in zip(found, figures, strict=True))
-    return [each for each in objects if each.log_odds >= score.least]
+    objects = [FoundObject(cluster, box.solid, one, score.log_odds(one), box.dark)
+               for (cluster, box), one in zip(found, figures, strict=True)]
+    believed = [each for each in objects if each.log_odds >= score.least]
+    if not believed:
+        return []
+    regions = ChangedRegions.of(frames, mask)
+    return _whole(_sharpened(believed, regions), regions, of.points, known, moving, score)
+
+
+def _sharpened(objects: Sequence[FoundObject], regions: ChangedRegions) -> list[FoundObject]:
+    """The boxes of small ones averaged with those of the regions of change most like them."""
+    low, high = _edges(objects)
+    best, iou = regions.most_alike(low, high)
+    small = (high - low).prod(axis=1) < SMALL_PX ** 2
+    return [replace(each, box=_averaged(each.box, each.cluster, regions, region)) if sharpens else each
+            for each, region, sharpens in zip(objects, best.tolist(), small & (iou >= SAME_IOU), strict=True)]
+
+
+def _averaged(box: PointBox, cluster: Cluster, regions: ChangedRegions, region: int) -> PointBox:
+    low, high = regions.without_tail(region, box.low, box.high, cluster.velocity)
+    return PointBox((box.low + low) / 2.0, (box.high + high) / 2.0, box.pixels)
+
+
+def _whole(
+    objects: Sequence[FoundObject], regions: ChangedRegions, points: Points, known: PointCounts, moving: PointCounts,
+    score: PointScore,
+) -> list[FoundObject]:
+    """The parts of one body as one object, where that is believed: parts of large vehicles moved differently."""
+    bodies = regions.bodies(*_edges(objects))
+    if not bodies:
+        return list(objects)
+    clusters = [joined([objects[part].cluster for part in parts], points) for _, parts in bodies]
+    boxes = [_averaged(_around([objects[part].box for part in parts]), cluster, regions, region)
+             for cluster, (region, parts) in zip(clusters, bodies, strict=True)]
+    figures = _figures(clusters, boxes, known, moving)
+    whole, gone = list[FoundObject](), set[int]()
+    for cluster, box, one, (_, parts) in zip(clusters, boxes, figures, bodies, strict=True):
+        log_odds = score.log_odds(one)
+        if log_odds >= score.least:
+            whole.append(FoundObject(cluster, box, one, log_odds, None))
+            gone.update(parts.tolist())
+    return [each for number, each in enumerate(objects) if number not in gone] + whole
+
+
+def _edges(objects: Sequence[FoundObject]) -> tuple[DoubleArray, DoubleArray]:
+    return np.array([each.box.low for each in objects]), np.array([each.box.high for each in objects])
+
+
+def _around(boxes: Sequence[PointBox]) -> PointBox:
+    return PointBox(np.min([each.low for each in boxes], axis=0), np.max([each.high for each in boxes], axis=0),
+                    sum(each.pixels for each in boxes))
 
 
 def _figures(

@@ -8,14 +8,12 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from motion_detect_ros.core.geometry.resizing import averaged
-from motion_detect_ros.core.geometry.warp import at_scale
+from motion_detect_ros.core.geometry.warp import at_scale, stabilise
+from motion_detect_ros.core.trajectories.light import relit, shrunk
 from motion_detect_ros.core.types import NANOSECONDS, ByteArray, DoubleArray, EgoMotion, PreparedFrame
 
 #: How long frames are kept, seconds, and how many at most, the current one included: all of 30 a second.
 KEPT_S, MAX_FRAMES = 1.02, 32
-#: Light is estimated on halved images shrunk by this factor, where their smaller side has at least so many pixels.
-LIGHT_SHRINK, LIGHT_SIDE_PX = 8, 40
 
 
 @dataclass(frozen=True)
@@ -44,6 +42,7 @@ class RecentFrames:
 
     def __init__(self) -> None:
         self._frames: list[RecentFrame] = []
+        self._earlier = dict[int, ByteArray]()
         self.made_room: int | None = None
 
     def __len__(self) -> int:
@@ -55,12 +54,12 @@ class RecentFrames:
     def copy(self) -> RecentFrames:
         """The same frames, which stay as they are when others are added here."""
         frames = RecentFrames()
-        frames._frames = self._frames
+        frames._frames, frames._earlier = self._frames, self._earlier
         return frames
 
     def reset(self) -> None:
         """Clear all frames."""
-        self._frames = []
+        self._frames, self._earlier = [], {}
 
     def add(self, frame: PreparedFrame, ego: EgoMotion) -> bool:
         """Add a frame; False where it does not continue the ones before, which are cleared then."""
@@ -72,12 +71,20 @@ class RecentFrames:
         step = at_scale(ego.matrix, frame.scale)
         oldest_ns = frame.stamp_ns - round(KEPT_S * NANOSECONDS)
         kept = [each for each in self._frames if each.stamp_ns >= oldest_ns]
+        self._earlier = {}
         self._frames = [RecentFrame(frame.gray, _halved(frame.gray), np.eye(3), frame.stamp_ns),
                         *(RecentFrame(each.gray, each.half, step @ each.matrix, each.stamp_ns) for each in kept)]
         self.made_room = _least_missed(self._frames) if len(self._frames) > MAX_FRAMES else None
         if self.made_room is not None:
             del self._frames[self.made_room]
         return follows
+
+    def earlier_half(self, frames_ago: int) -> ByteArray:
+        """(ceil(h / 2), ceil(w / 2)) an earlier frame, halved, in the place and the light of the current one."""
+        if frames_ago not in self._earlier:
+            earlier, current = self._frames[frames_ago], self._frames[0]
+            self._earlier[frames_ago] = relit(stabilise(earlier.half, at_scale(earlier.matrix, 0.5)), current.shrunk)
+        return self._earlier[frames_ago]
 
     def seconds(self, frames_ago: int) -> float:
         """Time from that frame to the current one."""
@@ -103,15 +110,3 @@ def _halved(gray: ByteArray) -> ByteArray:
     height, width = gray.shape
     half: ByteArray = cv2.resize(gray, (-(-width // 2), -(-height // 2)), interpolation=cv2.INTER_AREA)
     return half
-
-
-def shrunk(half: ByteArray) -> ByteArray:
-    """(h, w) a halved image, shrunk by ``LIGHT_SHRINK``; a small one as it is."""
-    height, width = half.shape
-    if min(height, width) < LIGHT_SIDE_PX:
-        return half
-    columns, rows = width // LIGHT_SHRINK, height // LIGHT_SHRINK
-    if (width % LIGHT_SHRINK == 0) == (height % LIGHT_SHRINK == 0):
-        small: ByteArray = cv2.resize(half, (columns, rows), interpolation=cv2.INTER_AREA)
-        return small
-    return np.rint(averaged(half.astype(np.float32), rows, columns)).astype(np.uint8)

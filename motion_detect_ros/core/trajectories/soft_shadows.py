@@ -15,7 +15,6 @@ import numpy as np
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.kernels import kernel
-from motion_detect_ros.core.trajectories.changes import earlier_half
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.types import BoolArray, ByteArray, FloatArray
 
@@ -34,8 +33,8 @@ class SoftShadows:
 
     def __init__(self, frames: RecentFrames) -> None:
         """frames: as they are; what they show later is not looked at."""
-        self._current, self._oldest = frames[0], frames[len(frames) - 1]
-        self._seconds = frames.seconds(len(frames) - 1)
+        self._frames, self._oldest = frames.copy(), len(frames) - 1
+        self._seconds = frames.seconds(self._oldest)
 
     def of(self, own: BoolArray, region: Box, speed_px_s: float, side_px: float) -> BoolArray:
         """(h, w) pixels of a region that are not the object but may be its shadow; none where that is not known.
@@ -59,17 +58,17 @@ class SoftShadows:
         """(h, w) grey values to those of the ground that was there, of a region on the image."""
         rows, columns = (region.top + np.arange(region.height)) // 2, (region.left + np.arange(region.width)) // 2
         places = np.ix_(rows, columns)
-        return _ratio(self._current.half[places], self._ground[places])
+        return _ratio(self._frames[0].half[places], self._ground[places])
 
     @cached_property
     def _ground(self) -> ByteArray:
         """(ceil(h / 2), ceil(w / 2)) what the oldest frame shows."""
-        return earlier_half(self._current, self._oldest)
+        return self._frames.earlier_half(self._oldest)
 
     @cached_property
     def _faint(self) -> BoolArray:
         """(ceil(h / 2), ceil(w / 2)) where the ground shows through."""
-        ratio = _ratio(self._current.half, self._ground)
+        ratio = _ratio(self._frames[0].half, self._ground)
         faint: BoolArray = (ratio > DARKEST) & (ratio < BRIGHTEST)
         return faint
 

@@ -11,12 +11,13 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay
 
-from motion_detect_ros.core.trajectories.changes import changed_pixels, relit
+from motion_detect_ros.core.trajectories.changes import changed_pixels
 from motion_detect_ros.core.trajectories.clusters import ALONG, Cluster, _links, _on_changes, carried, find_clusters
+from motion_detect_ros.core.trajectories.light import relit, shrunk
 from motion_detect_ros.core.trajectories.linked_groups import linked_groups
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
 from motion_detect_ros.core.trajectories.points import Points
-from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrames, shrunk
+from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrames
 from motion_detect_ros.core.types import EgoMotion, EgoStatus, PreparedFrame
 
 PERIOD_NS = 50_000_000
