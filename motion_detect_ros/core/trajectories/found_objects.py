@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -92,8 +93,8 @@ def objects_of(
     bounds = _figures(clusters, [PointBox.around(cluster.low, cluster.high) for cluster in clusters], known, moving)
     fitted = [(cluster, fitter.fit(cluster, number)) for number, cluster in enumerate(clusters)
               if score.log_odds(bounds[number]) >= score.least - UNFITTED_LOG_ODDS]
-    found = [(cluster, box) for cluster, box in fitted
-             if box is not None and is_allowed((box.whole.high - box.whole.low).tolist(), shape[0] * shape[1], config)]
+    allowed = partial(_is_allowed, image_area=shape[0] * shape[1], config=config)
+    found = [(cluster, box) for cluster, box in fitted if box is not None and allowed(box.whole)]
     if not found:
         return []
     there, boxes = zip(*found, strict=True)
@@ -104,7 +105,15 @@ def objects_of(
     if not believed:
         return []
     regions = ChangedRegions.of(frames, mask)
-    return _whole(_sharpened(believed, regions), regions, of.points, known, moving, score)
+    sharp = _sharpened(believed, regions)
+    bodies = [(body, parts) for body, parts in _bodies(sharp, regions, of.points, known, moving, score)
+              if body.log_odds >= score.least and allowed(body.box)]
+    gone = {part for _, parts in bodies for part in parts}
+    return [each for number, each in enumerate(sharp) if number not in gone] + [body for body, _ in bodies]
+
+
+def _is_allowed(box: PointBox, image_area: int, config: ObjectsConfig) -> bool:
+    return is_allowed((box.high - box.low).tolist(), image_area, config)
 
 
 def _sharpened(objects: Sequence[FoundObject], regions: ChangedRegions) -> list[FoundObject]:
@@ -121,25 +130,22 @@ def _averaged(box: PointBox, cluster: Cluster, regions: ChangedRegions, region: 
     return PointBox((box.low + low) / 2.0, (box.high + high) / 2.0, box.pixels)
 
 
-def _whole(
+def _bodies(
     objects: Sequence[FoundObject], regions: ChangedRegions, points: Points, known: PointCounts, moving: PointCounts,
     score: PointScore,
-) -> list[FoundObject]:
-    """The parts of one body as one object, where that is believed: parts of large vehicles moved differently."""
+) -> list[tuple[FoundObject, list[int]]]:
+    """Objects as which several of these may be one, and the numbers of these: parts of a large vehicle moved
+    differently.
+    """
     bodies = regions.bodies(*_edges(objects))
     if not bodies:
-        return list(objects)
+        return []
     clusters = [joined([objects[part].cluster for part in parts], points) for _, parts in bodies]
     boxes = [_averaged(_around([objects[part].box for part in parts]), cluster, regions, region)
              for cluster, (region, parts) in zip(clusters, bodies, strict=True)]
     figures = _figures(clusters, boxes, known, moving)
-    whole, gone = list[FoundObject](), set[int]()
-    for cluster, box, one, (_, parts) in zip(clusters, boxes, figures, bodies, strict=True):
-        log_odds = score.log_odds(one)
-        if log_odds >= score.least:
-            whole.append(FoundObject(cluster, box, one, log_odds, None))
-            gone.update(parts.tolist())
-    return [each for number, each in enumerate(objects) if number not in gone] + whole
+    return [(FoundObject(cluster, box, one, score.log_odds(one), None), parts.tolist())
+            for cluster, box, one, (_, parts) in zip(clusters, boxes, figures, bodies, strict=True)]
 
 
 def _edges(objects: Sequence[FoundObject]) -> tuple[DoubleArray, DoubleArray]:

@@ -183,7 +183,9 @@ class TestBodies:
         assert len(twice) == 1
 
 
-def objects_with(groups: Sequence[tuple[Rectangle, float]], body: Rectangle, score: PointScore) -> list[FoundObject]:
+def objects_with(
+    groups: Sequence[tuple[Rectangle, float]], body: Rectangle, score: PointScore, max_area_share: float = 0.5,
+) -> list[FoundObject]:
     """Of a body that moves by 4 pixels a frame, whose points are in clusters: where, and pixels a second apart."""
     frames = history({body: 4.0})
     clusters, places = list[Cluster](), list[np.ndarray]()
@@ -200,7 +202,7 @@ def objects_with(groups: Sequence[tuple[Rectangle, float]], body: Rectangle, sco
                     np.arange(len(now)))
     every = np.arange(len(now))
     return objects_of(ClusteredPoints(clusters, points, every, every), frames, None, SoftShadows(frames),
-                      load_preset('visdrone').objects, score)
+                      replace(load_preset('visdrone').objects, max_area_share=max_area_share), score)
 
 
 class TestObjects:
@@ -216,6 +218,10 @@ class TestObjects:
         """More points count against an object, and none has over 70 of them."""
         against = replace(PointScore(), intercept=14.0, per_log_points=-5.0)
         assert len(objects_with(self.PARTS, self.BODY, against)) == 2
+
+    def test_parts_stay_where_the_whole_is_larger_than_allowed(self) -> None:
+        """The body is 0.052 of the picture, its parts are 0.031 and 0.026."""
+        assert len(objects_with(self.PARTS, self.BODY, PointScore(), max_area_share=0.045)) == 2
 
 
 def test_a_small_box_ends_where_its_object_does() -> None:
