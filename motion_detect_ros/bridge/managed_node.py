@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from lifecycle_msgs.srv import ChangeState
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher, LifecycleState, TransitionCallbackReturn
@@ -17,6 +16,7 @@ from std_srvs.srv import Trigger
 
 from motion_detect_ros.bridge.console import endpoints
 from motion_detect_ros.bridge.diagnostics import SUBSCRIBERS_OF, Condition, Reporter, StageStats
+from motion_detect_ros.bridge.lifecycle_states import destroy_states, refuse_impossible_transitions
 from motion_detect_ros.bridge.params import LiveParameters, declare_simple, warn_of_unknown_parameters
 from motion_detect_ros.bridge.qos import best_effort, diagnostics_qos, incompatibility, overridable
 from motion_detect_ros.core.errors import SourceError
@@ -218,6 +218,11 @@ class ManagedNode(LifecycleNode):
         self.every(SHUTDOWN_LINGER_S, self._finish)
         return super().on_shutdown(state)
 
+    def destroy_node(self) -> None:
+        """Leave the network."""
+        super().destroy_node()
+        destroy_states(self)
+
     def _finish(self) -> None:
         if not self.finished.done():
             self.finished.set_result(None)
@@ -271,26 +276,3 @@ class ManagedNode(LifecycleNode):
         response.success = self.configured
         response.message = 'history cleared' if self.configured else 'expected a configured node, nothing to clear'
         return response
-
-
-def refuse_impossible_transitions(node: LifecycleNode) -> None:
-    """Make ``change_state`` answer ``success: false`` to a transition that the present state does not have.
-
-    rclpy 7.1 raises RCLError out of the service's callback there, which ends the process; the callback and the state
-    machine are attributes of its LifecycleNodeMixin.
-    """
-    service = node._service_change_state
-    change = service.callback
-
-    def checked(request: ChangeState.Request, response: ChangeState.Response) -> ChangeState.Response:
-        wanted = request.transition
-        possible = {number: label for number, label, *_ in node._state_machine.available_transitions}
-        if wanted.label in possible.values() if wanted.label else wanted.id in possible:
-            return change(request, response)
-        expected = ', '.join(f'{label} ({number})' for number, label in possible.items()) or 'none'
-        node.get_logger().warning(f'change_state refused: expected {expected} in state '
-                                  f'{node._state_machine.current_state[1]}, got {wanted.label or wanted.id}')
-        response.success = False
-        return response
-
-    service.callback = checked
