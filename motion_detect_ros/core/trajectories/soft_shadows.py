@@ -60,7 +60,7 @@ class SoftShadows:
         places = np.ix_(rows, columns)
         return _ratio(self._frames[0].half[places], self._ground[places])
 
-    @cached_property
+    @property
     def _ground(self) -> ByteArray:
         """(ceil(h / 2), ceil(w / 2)) what the oldest frame shows."""
         return self._frames.earlier_half(self._oldest)

@@ -10,6 +10,7 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay
+from still_camera import frames_of
 
 from motion_detect_ros.core.trajectories.changes import changed_pixels
 from motion_detect_ros.core.trajectories.clusters import ALONG, Cluster, _links, _on_changes, carried, find_clusters
@@ -17,22 +18,11 @@ from motion_detect_ros.core.trajectories.light import relit, shrunk
 from motion_detect_ros.core.trajectories.linked_groups import linked_groups
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
 from motion_detect_ros.core.trajectories.points import Points
-from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrames
-from motion_detect_ros.core.types import EgoMotion, EgoStatus, PreparedFrame
+from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES
 
 PERIOD_NS = 50_000_000
 HEIGHT, WIDTH = 240, 480
 ROAD, ROOF = 90, 200
-
-
-def frames_of(pictures: list[np.ndarray]) -> RecentFrames:
-    frames = RecentFrames()
-    for index, gray in enumerate(pictures):
-        stamp_ns = (index + 1) * PERIOD_NS
-        status = EgoStatus.OK if index else EgoStatus.FIRST_FRAME
-        frames.add(PreparedFrame(gray, 1.0, WIDTH, HEIGHT, stamp_ns),
-                   EgoMotion(np.eye(3), np.eye(6), status, stamp_ns, stamp_ns - PERIOD_NS))
-    return frames
 
 
 class Car:
@@ -83,7 +73,7 @@ def clusters_of(cars: list[Car], still: np.ndarray | None = None, history: int =
         for car in cars:
             car.draw(gray, ago)
         pictures.append(gray)
-    frames = frames_of(pictures)
+    frames = frames_of(pictures, PERIOD_NS)
     standing = np.zeros((0, 2), np.float32) if still is None else still
     places = np.concatenate([*(car.points() for car in cars), standing]).astype(np.float32)
     speed = np.concatenate([*(np.full(len(car.points()), car.speed) for car in cars), np.zeros(len(standing))])
@@ -262,12 +252,12 @@ class TestChanges:
         glow = np.linspace(-20, 20, WIDTH)[None, :].repeat(HEIGHT, 0)
         lit = np.clip(self.TEXTURE + glow, 0, 255).astype(np.uint8)
         assert (np.abs(lit.astype(int) - self.TEXTURE) > 8).mean() > 0.5
-        assert changed_pixels(frames_of([self.TEXTURE, lit]), [1]).mean() < 0.02
+        assert changed_pixels(frames_of([self.TEXTURE, lit], PERIOD_NS), [1]).mean() < 0.02
 
     def test_a_thing_that_came_is_a_change_of_its_size(self) -> None:
         now = self.TEXTURE.copy()
         now[100:130, 200:240] = 250
-        changed = changed_pixels(frames_of([self.TEXTURE, now]), [1])
+        changed = changed_pixels(frames_of([self.TEXTURE, now], PERIOD_NS), [1])
         rows, columns = np.nonzero(changed)
         assert abs(rows.min() - 50) <= 1
         assert abs(rows.max() - 64) <= 1
@@ -278,7 +268,7 @@ class TestChanges:
         """A ghost: bright in one earlier frame only."""
         bright = self.TEXTURE.copy()
         bright[100:130, 200:240] = 250
-        frames = frames_of([self.TEXTURE, bright, self.TEXTURE])
+        frames = frames_of([self.TEXTURE, bright, self.TEXTURE], PERIOD_NS)
         assert changed_pixels(frames, [1]).any()
         assert not changed_pixels(frames, [1, 2]).any()
         assert not changed_pixels(frames, []).any()

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from still_camera import frames_of, step
 from warps import blocks
 
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.trajectories.finder import TrajectoryFinder
-from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
 from motion_detect_ros.core.trajectories.soft_shadows import SoftShadows
-from motion_detect_ros.core.types import CameraModel, EgoMotion, EgoStatus, PreparedFrame
+from motion_detect_ros.core.types import CameraModel
 from motion_detect_ros.presets import load_preset
 
 PERIOD_NS, FRAMES = 40_000_000, 26
@@ -37,17 +37,9 @@ def scene(
     return np.clip(np.rint(gray * (light if ago == 0 else 1.0)), 0, 255).astype(np.uint8)
 
 
-def step(gray: np.ndarray, index: int) -> tuple[PreparedFrame, EgoMotion]:
-    stamp_ns, status = (index + 1) * PERIOD_NS, EgoStatus.OK if index else EgoStatus.FIRST_FRAME
-    return (PreparedFrame(gray, 1.0, WIDTH, HEIGHT, stamp_ns),
-            EgoMotion(np.eye(3), np.eye(6), status, stamp_ns, stamp_ns - PERIOD_NS))
-
-
 def shadow_of(speed: float = 4.0, frames: int = FRAMES, **scene_options: float | tuple[int, int]) -> np.ndarray:
     """(h, w) pixels of the region that are taken for a shadow."""
-    history = RecentFrames()
-    for index in range(frames):
-        history.add(*step(scene(frames - 1 - index, speed, **scene_options), index))
+    history = frames_of((scene(ago, speed, **scene_options) for ago in range(frames - 1, -1, -1)), PERIOD_NS)
     own = np.zeros((REGION.height, REGION.width), bool)
     own[OBJECT.top - REGION.top:SHADOW.bottom - REGION.top, 10:50] = True
     return SoftShadows(history).of(own, REGION, speed * 25.0, 50.0)
@@ -99,7 +91,7 @@ class TestSoftShadows:
 def finder_after(darkness: float) -> tuple[TrajectoryFinder, list[Candidate]]:
     finder, found = TrajectoryFinder(load_preset('visdrone')), list[Candidate]()
     for index in range(FRAMES):
-        found = finder.candidates(*step(scene(FRAMES - 1 - index, darkness=darkness), index), CAMERA)
+        found = finder.candidates(*step(scene(FRAMES - 1 - index, darkness=darkness), index, PERIOD_NS), CAMERA)
     return finder, found
 
 
