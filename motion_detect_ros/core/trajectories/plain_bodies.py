@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from motion_detect_ros.core.geometry.order_statistics import grouped_medians
 from motion_detect_ros.core.kernels import kernel
-from motion_detect_ros.core.trajectories.alike import moved_as_one_body
+from motion_detect_ros.core.trajectories.alike import inner_motion, moved_as_one_body
 from motion_detect_ros.core.trajectories.linked_groups import linked_groups
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
 from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
@@ -133,12 +133,16 @@ def joined_parts(
     if len(parts) < 2:
         return [*parts]
     owner = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-    moving, regions = places[np.concatenate(parts)], PlainRegions(half, largest_px)
+    members = np.concatenate(parts)
+    moving, regions = places[members], PlainRegions(half, largest_px)
     links = _neighbours(regions, owner, moving, largest_px)
+    if not len(links):
+        return [*parts]
     used = np.unique(links[:, 1:])
     centres = np.stack([np.bincount(owner, weights=along) for along in moving.T], axis=1) / np.bincount(owner)[:, None]
     typical = _typical(motion.displacements, parts, used)
-    links = links[moved_as_one_body(typical, motion.seconds, centres, links[:, 1:])]
+    inner = inner_motion([ways[members] for ways in motion.displacements], moving, owner, len(parts))
+    links = links[moved_as_one_body(typical, inner, motion.seconds, centres, links[:, 1:])]
     painted = [number for number in np.unique(links[:, 0]).tolist()
                if regions.touching(number, still) > STILL_SHARE * regions.touching(number, moving)]
     links = links[~np.isin(links[:, 0], painted), 1:]
@@ -168,8 +172,6 @@ def _typical(
 ) -> list[DoubleArray]:
     """(P, 2) median displacement of each used part over each baseline, NaN where it is too young."""
     typical = [np.full((len(parts), 2), np.nan) for _ in displacements]
-    if not len(used):
-        return typical
     members = np.concatenate([parts[number] for number in used.tolist()])
     owner = np.repeat(used, [len(parts[number]) for number in used.tolist()])
     size = np.bincount(owner)

@@ -74,7 +74,6 @@ def test_the_displacement_of_a_part_is_the_median_of_its_points_that_are_old_eno
     np.testing.assert_allclose(old[3], np.median(ways[0][[20, 30, 39]], axis=0))
     assert np.isnan(old[1:3]).all(), 'one is not used, of the other two of five points are old'
     assert np.isnan(unknown).all()
-    assert all(np.isnan(each).all() for each in _typical(ways, parts, np.zeros(0, np.intp)))
 
 
 @pytest.mark.parametrize(('beyond_px', 'is_within'), [(6.0, True), (6.5, False)])
@@ -137,6 +136,18 @@ def test_ends_that_go_apart_are_one_body_where_it_turns_as_its_course_does(half_
     motion = replace(PointMotion.at_rest(9), displacements=ways, seconds=(0.48, 0.24))
     found = joined_parts([np.arange(3), np.arange(3, 9)], places, np.zeros((0, 2), np.float32), motion, ROOF, 100.0)
     assert [each.tolist() for each in found] == ([[*range(9)]] if joined else [[0, 1, 2], [*range(3, 9)]])
+
+
+@pytest.mark.parametrize('grows', [True, False])
+def test_ends_that_go_apart_are_one_body_where_their_points_do_as_well(grows: bool):
+    """Each point goes a fifth of its distance from the middle; or the points of an end go as its middle does."""
+    places = np.float32([*side(84.0), *side(156.0)])
+    offsets = places - [120.0, 70.0]
+    if not grows:
+        offsets[:, 1] = 0.0
+    motion = replace(PointMotion.at_rest(6), displacements=(0.2 * offsets + [20.0, 0.0],), seconds=(0.48,))
+    found = joined_parts([np.arange(3), np.arange(3, 6)], places, np.zeros((0, 2), np.float32), motion, ROOF, 100.0)
+    assert [each.tolist() for each in found] == ([[*range(6)]] if grows else [[0, 1, 2], [3, 4, 5]])
 
 
 @pytest.mark.parametrize(('rows', 'joined'), [((30, 42), True), ((30, 43), False), ((28, 40), True), ((26, 40), False)])
