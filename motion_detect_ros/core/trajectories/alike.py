@@ -17,6 +17,8 @@ ALIKE_PX, ALIKE_SHARE = 1.0, 0.04
 #: A course has turned by what an error of its halves of so many pixels does not explain; the most that counts, radians.
 COURSE_PX, MAX_TURN = 0.5, 0.5
 
+TINY = np.finfo(np.float64).tiny
+
 Numbers = npt.NDArray[np.intp]
 
 
@@ -68,16 +70,16 @@ def inner_motion(displacements: Sequence[DoubleArray], places: FloatArray, owner
     Sums about their means: of places times ways, along and across, and of squared places, pixels^2; 0 where under two
     points are known. displacements: (N, 2) each, NaN where unknown, of points at places (N, 2) of owners (N,).
     """
-    inner = np.zeros((len(displacements), parts, 3))
+    inner, means = np.zeros((len(displacements), parts, 3)), np.empty((parts, 5))
     for ways, sums in zip(displacements, inner, strict=True):
-        _moved_within(ways, places, owner, sums)
+        _moved_within(ways, places, owner, means, sums)
     return inner
 
 
 @kernel()
-def _moved_within(ways, places, owner, sums):  # type: ignore[no-untyped-def]
-    """sums: (parts, 3) zeros."""
-    means = np.zeros((len(sums), 5))
+def _moved_within(ways, places, owner, means, sums):  # type: ignore[no-untyped-def]
+    """means: (parts, 5) to work in; sums: (parts, 3) zeros."""
+    means[:] = 0.0
     for point in range(len(owner)):
         if not math.isnan(ways[point, 0]):
             of = means[owner[point]]
@@ -112,8 +114,9 @@ def _compare_parts(displacements, inner, halves, centres, pairs, alike_px, alike
             line_y = centres[one, 1] - centres[other, 1] - y / 2.0
             square = line_x * line_x + line_y * line_y
             distance = math.sqrt(square)
-            within = inner[index, one] + inner[index, other]
-            growth, turn = (within[0] / within[2], within[1] / within[2]) if within[2] > 0.0 else (0.0, 0.0)
+            here, there = inner[index, one], inner[index, other]
+            spread = max(here[2] + there[2], TINY)
+            growth, turn = (here[0] + there[0]) / spread, (here[1] + there[1]) / spread
             along, across = x * line_x + y * line_y, line_x * y - line_y * x
             limit = _limit(way, one, other, alike_px)
             turned_px = _turn(whole_x - later_x, whole_y - later_y, later_x, later_y) * distance
