@@ -17,8 +17,6 @@ ALIKE_PX, ALIKE_SHARE = 1.0, 0.04
 #: A course has turned by what an error of its halves of so many pixels does not explain; the most that counts, radians.
 COURSE_PX, MAX_TURN = 0.5, 0.5
 
-TINY = np.finfo(np.float64).tiny
-
 Numbers = npt.NDArray[np.intp]
 
 
@@ -115,15 +113,14 @@ def _compare_parts(displacements, inner, halves, centres, pairs, alike_px, alike
             square = line_x * line_x + line_y * line_y
             distance = math.sqrt(square)
             here, there = inner[index, one], inner[index, other]
-            spread = max(here[2] + there[2], TINY)
-            growth, turn = (here[0] + there[0]) / spread, (here[1] + there[1]) / spread
+            spread = here[2] + there[2]
+            times = square / spread if spread > 0.0 else 0.0
+            grown, turned = (here[0] + there[0]) * times, (here[1] + there[1]) * times
             along, across = x * line_x + y * line_y, line_x * y - line_y * x
             limit = _limit(way, one, other, alike_px)
             turned_px = _turn(whole_x - later_x, whole_y - later_y, later_x, later_y) * distance
-            grows = min(0.0, growth * square) - limit * distance < along < max(
-                0.0, growth * square) + limit * distance
-            turns = (abs(across) < (limit + turned_px) * distance
-                     or abs(across - turn * square) < limit * distance)
+            grows = min(0.0, grown) - limit * distance < along < max(0.0, grown) + limit * distance
+            turns = abs(across) < (limit + turned_px) * distance or abs(across - turned) < limit * distance
             alike[number] = (grows and turns) or math.hypot(x, y) < limit
             break
 

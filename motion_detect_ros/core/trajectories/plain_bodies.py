@@ -136,12 +136,12 @@ def joined_parts(
     members = np.concatenate(parts)
     moving, regions = places[members], PlainRegions(half, largest_px)
     links = _neighbours(regions, owner, moving, largest_px)
-    if not len(links):
-        return [*parts]
     used = np.unique(links[:, 1:])
     centres = np.stack([np.bincount(owner, weights=along) for along in moving.T], axis=1) / np.bincount(owner)[:, None]
     typical = _typical(motion.displacements, parts, used)
-    inner = inner_motion([ways[members] for ways in motion.displacements], moving, owner, len(parts))
+    of_used = np.isin(owner, used)
+    inner = inner_motion([ways[members[of_used]] for ways in motion.displacements], moving[of_used], owner[of_used],
+                         len(parts))
     links = links[moved_as_one_body(typical, inner, motion.seconds, centres, links[:, 1:])]
     painted = [number for number in np.unique(links[:, 0]).tolist()
                if regions.touching(number, still) > STILL_SHARE * regions.touching(number, moving)]
@@ -172,6 +172,8 @@ def _typical(
 ) -> list[DoubleArray]:
     """(P, 2) median displacement of each used part over each baseline, NaN where it is too young."""
     typical = [np.full((len(parts), 2), np.nan) for _ in displacements]
+    if not len(used):
+        return typical
     members = np.concatenate([parts[number] for number in used.tolist()])
     owner = np.repeat(used, [len(parts[number]) for number in used.tolist()])
     size = np.bincount(owner)

@@ -144,6 +144,20 @@ def test_two_that_come_apart_by_more_than_they_grow_are_two(growth: float) -> No
     assert not moved_as_one_body(of_parts, inner_motion(ways, places, OWNER, 2), SECONDS, centres, ONE_PAIR)[0]
 
 
+@pytest.mark.parametrize(('share', 'joined'), [(1.0, True), (0.5, True), (0.0, True), (-0.5, False), (1.5, False)])
+@pytest.mark.parametrize('growth', [0.2, -0.2])
+def test_parts_come_apart_by_no_more_than_they_grow_and_not_the_other_way(
+    growth: float, share: float, joined: bool,
+) -> None:
+    """Half of the growth is 8 px of 80; a pixel and 4 % of the way are 2."""
+    grown, places = ends_of_a_van(growth, 0.0, (20.0, 5.0))
+    alike, _ = ends_of_a_van(0.0, 0.0, (20.0, 5.0))
+    whole, centres = parts_of(grown, places)
+    rigid, _ = parts_of(alike, places)
+    ways = [share * one + (1.0 - share) * other for one, other in zip(whole, rigid, strict=True)]
+    assert moved_as_one_body(ways, inner_motion(grown, places, OWNER, 2), SECONDS, centres, ONE_PAIR)[0] == joined
+
+
 def test_motion_within_parts() -> None:
     """Against what they were moved by; points that are too young do not count."""
     ways, places = ends_of_a_van(0.0, 0.0, (20.0, 5.0))

@@ -74,6 +74,7 @@ def test_the_displacement_of_a_part_is_the_median_of_its_points_that_are_old_eno
     np.testing.assert_allclose(old[3], np.median(ways[0][[20, 30, 39]], axis=0))
     assert np.isnan(old[1:3]).all(), 'one is not used, of the other two of five points are old'
     assert np.isnan(unknown).all()
+    assert all(np.isnan(each).all() for each in _typical(ways, parts, np.zeros(0, np.intp)))
 
 
 @pytest.mark.parametrize(('beyond_px', 'is_within'), [(6.0, True), (6.5, False)])
