@@ -55,6 +55,7 @@ def start(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[bytes]]]:
             process.kill()
             raise
         printed = log.read_text(errors='replace')
+        print(f'{log.name}: {printed}')  # shown where the test has failed
         assert code == expected, printed
         assert 'Traceback' not in printed, printed
 

@@ -119,6 +119,11 @@ class Peer:
         return [f'{namespace.rstrip("/")}/{node}' for namespace, node in found
                 if node not in {'_NODE_NAME_UNKNOWN_', self.node.get_name()}]
 
+    def sees(self, topic: str) -> str:
+        """In words for a failure: how many subscriptions of a topic are found, whose they are, and which nodes."""
+        return (f'{topic}: {self._publishers[topic].get_subscription_count()} found, of {self.subscribed(topic)}; '
+                f'nodes: {self.node.get_node_names_and_namespaces()}')
+
     def close(self) -> None:
         """Leave the graph."""
         self._executor.shutdown(timeout_sec=2.0)
@@ -167,9 +172,9 @@ def image_message(index: int, frame_id: str = 'front') -> Image:
 
 
 def ready(peer: Peer, topic: str, count: int = 1) -> bool:
-    """True once ``count`` nodes subscribe to a topic, and they and this peer have found all of each other."""
-    if not peer.matched(topic, count):
-        return False
+    """True once ``count`` nodes subscribe to a topic, and they and this peer have found all of each other; else it says
+    what this peer has found."""
+    assert peer.matched(topic, count), peer.sees(topic)
     for node in set(peer.subscribed(topic)):
         peer.known_to(node)
     return True
