@@ -19,12 +19,15 @@ from motion_detect_ros.bridge.diagnostics import SUBSCRIBERS_OF, Condition, Repo
 from motion_detect_ros.bridge.lifecycle_states import destroy_states, refuse_impossible_transitions
 from motion_detect_ros.bridge.params import LiveParameters, declare_simple, warn_of_unknown_parameters
 from motion_detect_ros.bridge.qos import best_effort, diagnostics_qos, incompatibility, overridable
+from motion_detect_ros.bridge.shared_memory import give_up_dead_ports
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.sources.secrets import reason_of
 
 DIAGNOSTICS_PERIOD_S = 1.0
 #: How often the node looks whether things have become worse, which is reported at once, seconds.
 WATCH_PERIOD_S = 0.2
+#: How often it looks for ports of killed processes, which are to be given up before these start again, seconds.
+PORTS_PERIOD_S = 1.0
 #: How long who requested a shutdown gets for its answer and a look at the state before the process ends, seconds.
 SHUTDOWN_LINGER_S = 0.5
 #: Seconds between two warnings about the same thing.
@@ -61,6 +64,7 @@ class ManagedNode(LifecycleNode):
         self._reports = self.create_publisher(DiagnosticArray, '/diagnostics', diagnostics_qos())
         self.every(DIAGNOSTICS_PERIOD_S, self.report)
         self.every(WATCH_PERIOD_S, self._watch)
+        self.every(PORTS_PERIOD_S, give_up_dead_ports)
         self.create_service(Trigger, '~/reset', self._on_reset)
         refuse_impossible_transitions(self)
 
@@ -101,7 +105,7 @@ class ManagedNode(LifecycleNode):
         self.stats.count_error(str(error))
         self.get_logger().warning(f'input left out: {error}', throttle_duration_sec=WARNING_PERIOD_S)
 
-    def every(self, period_s: float, action: Callable[[], None]) -> None:
+    def every(self, period_s: float, action: Callable[[], object]) -> None:
         """Calls ``action`` in the executor every ``period_s`` of steady time, whatever the simulated clock does."""
         self.create_timer(period_s, action, clock=Clock(clock_type=ClockType.STEADY_TIME))
 

@@ -24,7 +24,7 @@ from motion_detect_ros.bridge.arguments import check_arguments, usage
 from motion_detect_ros.bridge.exit_timer import exits_after, exits_in
 from motion_detect_ros.bridge.managed_node import ManagedNode
 from motion_detect_ros.bridge.params import warn_of_unknown_parameters
-from motion_detect_ros.bridge.shared_memory import remove_dead_segments
+from motion_detect_ros.bridge.shared_memory import give_up_dead_ports, remove_dead_segments
 from motion_detect_ros.core.errors import ConfigError, MotionDetectError
 from motion_detect_ros.sources.secrets import masked
 
@@ -134,6 +134,7 @@ def _run(make_node: Callable[[], ManagedNode], stop: StopRequest) -> int:
             return 0
         check_arguments(sys.argv)
         remove_dead_segments()
+        give_up_dead_ports()
         rclpy.init()
         began = True
         if stop.made:
@@ -208,6 +209,7 @@ def run_plain(make_node: Callable[[], Node]) -> None:
     signals: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: signals.append(number))
+    give_up_dead_ports()
     rclpy.init()
     node, code = None, FAILED
     try:

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import csv
+import os
 import re
 import signal
 import socket
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from peers import TIMEOUT_S, image_message, ready, small
+from peers import TIMEOUT_S, Peer, image_message, ready, small
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, PointCloud2
 
 from motion_detect_ros.benchmarks import ends
 from motion_detect_ros.bridge.images import header_of
+from motion_detect_ros.bridge.managed_node import PORTS_PERIOD_S
 from motion_detect_ros.bridge.records import read_detections
 from motion_detect_ros.bridge.shared_memory import MIN_AGE_S
+from motion_detect_ros.cli.domains import own_domain
 
 pytestmark = pytest.mark.messages
 
@@ -27,6 +32,19 @@ FRAMES = 12
 #: seconds.
 END_S, GONE_S = 2.0, 10.0
 ENDS = 20
+#: Another's node, which knows nothing of this package: prints the first node whose diagnostics it gets.
+STRANGER = '''
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+
+rclpy.init()
+node = rclpy.create_node('stranger')
+names = []
+node.create_subscription(DiagnosticArray, '/diagnostics', lambda message: names.append(message.status[0].name), 10)
+while not names:
+    rclpy.spin_once(node)
+print(names[0], flush=True)
+'''
 
 
 def test_no_id_comes_twice_after_a_restart(peer, start, shown):
@@ -48,11 +66,70 @@ def test_no_id_comes_twice_after_a_restart(peer, start, shown):
     shown('a process is killed and starts again', 'no id comes twice, ids grow', f'{min(seen[1]) - max(seen[0])} apart')
 
 
-def segments_of(process: int) -> set[Path]:
+def locked_by(process: int, pattern: str) -> set[Path]:
     """Shared memory of Fast DDS that belongs to a process: it holds the locks of these open."""
     links = [descriptor.readlink() for descriptor in Path(f'/proc/{process}/fd').iterdir() if descriptor.is_symlink()]
     return {link.with_name(link.name.removesuffix('_el')) for link in links
-            if re.fullmatch(r'fastrtps_[0-9a-f]{16}_el', link.name)}
+            if re.fullmatch(f'fastrtps_{pattern}_el', link.name)}
+
+
+def segments_of(process: int) -> set[Path]:
+    """Where it writes its messages."""
+    return locked_by(process, '[0-9a-f]{16}')
+
+
+def ports_of(process: int) -> set[Path]:
+    """Where it reads that there are messages for it."""
+    return locked_by(process, r'port\d+')
+
+
+def signs_of_waiting(peer: Peer, ports: set[Path]) -> dict[Path, list[int]]:
+    """Port -> places of the byte that says that its reader exists and waits (1 and 2), and of nothing else: the next
+    byte counts, so that others see that it lives.
+    """
+    seen = []
+    for _ in range(4):
+        seen.append({port: port.read_bytes() for port in ports})
+        peer.rest(1.0)
+    return {port: [place for place, byte in enumerate(seen[0][port][:-1]) if byte == 3
+                   and len({one[port][place + 1] for one in seen}) > 1] for port in ports}
+
+
+def kill_between_messages(process: subprocess.Popen[bytes], waits: dict[Path, list[int]]) -> None:
+    """A process ends when its readers neither wait nor read: to stop a thread there would take a debugger."""
+    process.kill()
+    process.wait(TIMEOUT_S)
+    for port, (place,) in waits.items():
+        with port.open('r+b') as file:
+            file.seek(place)
+            file.write(b'\x01')
+
+
+@pytest.mark.parametrize('found_by', ['its own start', 'a node that runs'])
+def test_a_process_killed_between_messages_is_found_when_it_starts_again(found_by, peer, start, shown):
+    """Of what Fast DDS 2.14 tells the readers of a port, nothing then says that this one is dead."""
+    alive = start('overlay', '-r', '__node:=alive') if found_by == 'a node that runs' else None
+    killed = start('optical_flow', *small(), code=-signal.SIGKILL)
+    publisher = peer.advertise(Image, 'image_raw')
+    assert ready(peer, 'image_raw')
+    if alive:
+        peer.known_to('/alive')
+    ports = ports_of(killed.pid)
+    waits = signs_of_waiting(peer, ports)
+    assert ports and all(len(places) == 1 for places in waits.values())
+    peer.rest(MIN_AGE_S)
+    kill_between_messages(killed, waits)
+    if alive:
+        peer.rest(3 * PORTS_PERIOD_S)
+        again = subprocess.run([sys.executable, '-c', STRANGER], env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain())},
+                               stdout=subprocess.PIPE, check=True, timeout=TIMEOUT_S)
+        assert again.stdout == b'/alive\n'
+    else:
+        start('optical_flow', *small())
+        assert peer.until(lambda: publisher.get_subscription_count() == 1)
+        assert ready(peer, 'image_raw')
+    shown('a process is killed between two messages', 'it is found when it starts again, and finds the others',
+          f'{found_by} gave its {len(ports)} ports up')
 
 
 def test_shared_memory_of_a_killed_process_is_removed_by_the_next_that_starts(peer, start, shown):
