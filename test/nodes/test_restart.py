@@ -22,7 +22,7 @@ from motion_detect_ros.benchmarks import ends
 from motion_detect_ros.bridge.images import header_of
 from motion_detect_ros.bridge.managed_node import PORTS_PERIOD_S
 from motion_detect_ros.bridge.records import read_detections
-from motion_detect_ros.bridge.shared_memory import MIN_AGE_S
+from motion_detect_ros.bridge.shared_memory import MIN_AGE_S, give_up_dead_ports
 from motion_detect_ros.cli.domains import own_domain
 
 pytestmark = pytest.mark.messages
@@ -83,30 +83,47 @@ def ports_of(process: int) -> set[Path]:
     return locked_by(process, r'port\d+')
 
 
-def signs_of_waiting(peer: Peer, ports: set[Path]) -> dict[Path, list[int]]:
-    """Port -> places of the byte that says that its reader exists and waits (1 and 2), and of nothing else: the next
-    byte counts, so that others see that it lives.
+def signs_of_waiting(peer: Peer, ports: set[Path]) -> dict[Path, int]:
+    """Port -> place of the byte that says of its reader that it exists (1), waits (2) or reads a message (4), and of
+    nothing else; the next byte counts while it waits, so that others see that it lives.
     """
-    seen = []
-    for _ in range(4):
-        seen.append({port: port.read_bytes() for port in ports})
-        peer.rest(1.0)
-    return {port: [place for place, byte in enumerate(seen[0][port][:-1]) if byte == 3
-                   and len({one[port][place + 1] for one in seen}) > 1] for port in ports}
+    seen: dict[Path, list[bytes]] = {port: [] for port in ports}
+
+    def places(port: Path) -> list[int]:
+        return [place for place, bytes_ in enumerate(zip(*seen[port], strict=True))
+                if 3 in bytes_ and {*bytes_} <= {1, 3, 5} and len({one[place + 1] for one in seen[port]}) > 1]
+
+    def one_each() -> bool:
+        peer.rest(0.5)
+        for port in ports:
+            seen[port].append(port.read_bytes())
+        return all(len(places(port)) == 1 for port in ports)
+
+    assert peer.until(one_each)
+    return {port: places(port)[0] for port in ports}
 
 
-def kill_between_messages(process: subprocess.Popen[bytes], waits: dict[Path, list[int]]) -> None:
+def kill_between_messages(process: subprocess.Popen[bytes], waits: dict[Path, int]) -> None:
     """A process ends when its readers neither wait nor read: to stop a thread there would take a debugger."""
     process.kill()
     process.wait(TIMEOUT_S)
-    for port, (place,) in waits.items():
+    for port, place in waits.items():
         with port.open('r+b') as file:
             file.seek(place)
             file.write(b'\x01')
 
 
+def seems_well(port: Path, folder: Path) -> bool:
+    """Whether those that have it open go on using it: a copy of it, of a process that is dead, is not given up yet."""
+    (folder / port.name).write_bytes(port.read_bytes())
+    lock = folder / f'{port.name}_el'
+    lock.touch()
+    os.utime(lock, (0, 0))
+    return give_up_dead_ports(folder) > 0
+
+
 @pytest.mark.parametrize('found_by', ['its own start', 'a node that runs'])
-def test_a_process_killed_between_messages_is_found_when_it_starts_again(found_by, peer, start, shown):
+def test_a_process_killed_between_messages_is_found_when_it_starts_again(found_by, peer, start, tmp_path, shown):
     """Of what Fast DDS 2.14 tells the readers of a port, nothing then says that this one is dead."""
     alive = start('overlay', '-r', '__node:=alive') if found_by == 'a node that runs' else None
     killed = start('optical_flow', *small(), code=-signal.SIGKILL)
@@ -115,12 +132,13 @@ def test_a_process_killed_between_messages_is_found_when_it_starts_again(found_b
     if alive:
         peer.known_to('/alive')
     ports = ports_of(killed.pid)
+    assert ports
     waits = signs_of_waiting(peer, ports)
-    assert ports and all(len(places) == 1 for places in waits.values())
     peer.rest(MIN_AGE_S)
     kill_between_messages(killed, waits)
     if alive:
         peer.rest(3 * PORTS_PERIOD_S)
+        assert not any(seems_well(port, tmp_path) for port in ports)
         again = subprocess.run([sys.executable, '-c', STRANGER], env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain())},
                                stdout=subprocess.PIPE, check=True, timeout=TIMEOUT_S)
         assert again.stdout == b'/alive\n'
