@@ -29,7 +29,7 @@ def remove_dead_segments(folder: Path = FOLDER) -> int:
     They hold 35 MB each with the profile of the package. The lock of a file is that of its process, whatever program it
     runs and in whichever container; those of other users are left alone.
     """
-    return sum(_remove_if_dead(lock) for lock in _locks(folder) if _SEGMENT.fullmatch(lock.name))
+    return sum(_remove_if_dead(lock) for lock in _files(folder) if _SEGMENT.fullmatch(lock.name))
 
 
 def give_up_dead_ports(folder: Path = FOLDER) -> int:
@@ -39,10 +39,10 @@ def give_up_dead_ports(folder: Path = FOLDER) -> int:
     well for good: others keep the port open, and what they send to the process that gets the port after it, the next
     one that starts as a rule, is lost. The two never find each other.
     """
-    return sum(_give_up_if_dead(lock, int(port[1])) for lock in _locks(folder) if (port := _PORT.fullmatch(lock.name)))
+    return sum(_give_up_if_dead(lock, int(port[1])) for lock in _files(folder) if (port := _PORT.fullmatch(lock.name)))
 
 
-def _locks(folder: Path) -> list[Path]:
+def _files(folder: Path) -> list[Path]:
     try:
         return [*folder.iterdir()]
     except OSError:  # no such folder on this system, or not for us

@@ -4,32 +4,25 @@ from __future__ import annotations
 
 import fcntl
 import os
-import re
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import rclpy
 from rclpy.context import Context
+from transport_files import ports_of
 
 from motion_detect_ros.bridge.shared_memory import MIN_AGE_S, give_up_dead_ports
 from motion_detect_ros.cli.domains import own_domain
 
 
-def locks() -> set[Path]:
-    """That this process holds of ports."""
-    links = {descriptor.readlink() for descriptor in Path('/proc/self/fd').iterdir() if descriptor.is_symlink()}
-    return {link for link in links if re.fullmatch(r'fastrtps_port\d+_el', link.name)}
-
-
 @pytest.fixture(scope='module')
 def real_port() -> Iterator[Path]:
     """One that a node of this process reads."""
-    before, context = locks(), Context()
+    before, context = ports_of(os.getpid()), Context()
     rclpy.init(context=context, domain_id=own_domain())
     node = rclpy.create_node('reader', context=context)
-    lock = min(locks() - before)
-    yield lock.with_name(lock.name.removesuffix('_el'))
+    yield min(ports_of(os.getpid()) - before)
     node.destroy_node()
     context.try_shutdown()
 

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import csv
 import os
-import re
 import signal
 import socket
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
+from typing import BinaryIO
 
 import pytest
 from peers import TIMEOUT_S, Peer, image_message, ready, small
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, PointCloud2
+from transport_files import ports_of, segments_of
 
 from motion_detect_ros.benchmarks import ends
 from motion_detect_ros.bridge.images import header_of
@@ -66,23 +68,6 @@ def test_no_id_comes_twice_after_a_restart(peer, start, shown):
     shown('a process is killed and starts again', 'no id comes twice, ids grow', f'{min(seen[1]) - max(seen[0])} apart')
 
 
-def locked_by(process: int, pattern: str) -> set[Path]:
-    """Shared memory of Fast DDS that belongs to a process: it holds the locks of these open."""
-    links = [descriptor.readlink() for descriptor in Path(f'/proc/{process}/fd').iterdir() if descriptor.is_symlink()]
-    return {link.with_name(link.name.removesuffix('_el')) for link in links
-            if re.fullmatch(f'fastrtps_{pattern}_el', link.name)}
-
-
-def segments_of(process: int) -> set[Path]:
-    """Where it writes its messages."""
-    return locked_by(process, '[0-9a-f]{16}')
-
-
-def ports_of(process: int) -> set[Path]:
-    """Where it reads that there are messages for it."""
-    return locked_by(process, r'port\d+')
-
-
 def signs_of_waiting(peer: Peer, ports: set[Path]) -> dict[Path, int]:
     """Port -> place of the byte that says of its reader that it exists (1), waits (2) or reads a message (4), and of
     nothing else; the next byte counts while it waits, so that others see that it lives.
@@ -90,7 +75,7 @@ def signs_of_waiting(peer: Peer, ports: set[Path]) -> dict[Path, int]:
     seen: dict[Path, list[bytes]] = {port: [] for port in ports}
 
     def places(port: Path) -> list[int]:
-        return [place for place, bytes_ in enumerate(zip(*seen[port], strict=True))
+        return [place for place, bytes_ in enumerate(zip(*(one[:-1] for one in seen[port]), strict=True))
                 if 3 in bytes_ and {*bytes_} <= {1, 3, 5} and len({one[place + 1] for one in seen[port]}) > 1]
 
     def one_each() -> bool:
@@ -113,10 +98,15 @@ def kill_between_messages(process: subprocess.Popen[bytes], waits: dict[Path, in
             file.write(b'\x01')
 
 
-def seems_well(port: Path, folder: Path) -> bool:
-    """Whether those that have it open go on using it: a copy of it, of a process that is dead, is not given up yet."""
-    (folder / port.name).write_bytes(port.read_bytes())
-    lock = folder / f'{port.name}_el'
+def seems_well(port: BinaryIO, folder: Path) -> bool:
+    """Whether those that have it open, as we have, go on using it: a copy of it, which nobody reads, can be given up.
+
+    By its name there may be another one by now.
+    """
+    port.seek(0)
+    copy = folder / Path(port.name).name
+    copy.write_bytes(port.read())
+    lock = folder / f'{copy.name}_el'
     lock.touch()
     os.utime(lock, (0, 0))
     return give_up_dead_ports(folder) > 0
@@ -135,10 +125,14 @@ def test_a_process_killed_between_messages_is_found_when_it_starts_again(found_b
     assert ports
     waits = signs_of_waiting(peer, ports)
     peer.rest(MIN_AGE_S)
-    kill_between_messages(killed, waits)
+    with ExitStack() as stack:
+        opened = [stack.enter_context(port.open('rb')) for port in ports]
+        assert all(seems_well(port, tmp_path) for port in opened)
+        kill_between_messages(killed, waits)
+        if alive:
+            peer.rest(3 * PORTS_PERIOD_S)
+            assert not any(seems_well(port, tmp_path) for port in opened)
     if alive:
-        peer.rest(3 * PORTS_PERIOD_S)
-        assert not any(seems_well(port, tmp_path) for port in ports)
         again = subprocess.run([sys.executable, '-c', STRANGER], env={**os.environ, 'ROS_DOMAIN_ID': str(own_domain())},
                                stdout=subprocess.PIPE, check=True, timeout=TIMEOUT_S)
         assert again.stdout == b'/alive\n'
