@@ -64,9 +64,20 @@ def test_a_port_that_is_read_or_about_to_be_is_left(left):
 
 @pytest.mark.parametrize('change', [
     lambda data: data[:1000], lambda data: b'', lambda data: bytes(len(data)), lambda data: b'\xff' * len(data),
-    lambda data: data[:1] + data[:-1]], ids=['short', 'empty', 'zeros', 'ones', 'shifted'])
+    lambda data: data[:1] + data[:-1], lambda data: data[:1024] + data[:1024] + data[2048:]],
+    ids=['short', 'empty', 'zeros', 'ones', 'shifted', 'two heads'])
 def test_what_does_not_look_like_a_port_is_left(left, change):
     changed = change(left.read_bytes())
+    left.write_bytes(changed)
+    assert give_up_dead_ports(left.parent) == 0
+    assert left.read_bytes() == changed
+
+
+def test_a_port_with_flags_that_we_do_not_know_is_left(left):
+    before = left.read_bytes()
+    assert give_up_dead_ports(left.parent) == 1
+    place = next(place for place, byte in enumerate(left.read_bytes()) if byte != before[place])
+    changed = before[:place] + bytes([before[place] | 8]) + before[place + 1:]
     left.write_bytes(changed)
     assert give_up_dead_ports(left.parent) == 0
     assert left.read_bytes() == changed
