@@ -100,8 +100,8 @@ def value_for(path: Path, node: str, name: str) -> Any:
 
     def last(document: Any) -> Any:
         found = None
-        for pattern, parameters in _sections(document):
-            if re.fullmatch(pattern, full_name):
+        for section, parameters in _by_node({} if document is None else document):
+            if re.fullmatch(_pattern(str(section)), full_name):
                 found = parameters.get(name, found)
         return found
     return _read(path, last)
@@ -118,15 +118,28 @@ def _read(path: Path, take: Callable[[Any], Any]) -> Any:
         raise ConfigError('expected a YAML parameter file, got one nested too deep') from None
 
 
-def _sections(document: Any, namespace: str = '') -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Of nested namespaces too: a regular expression of the nodes' full names, and their parameters."""
-    if not isinstance(document, Mapping | None):
+def _pattern(node: str) -> str:
+    """A regular expression of the full names that a section's name stands for."""
+    return re.escape(f'/{node.strip("/")}').replace(r'/\*\*', r'(/\w+)*').replace(r'/\*', r'(/\w+)')
+
+
+def _by_node(document: Any, namespace: str = '') -> Iterator[tuple[Any, Mapping[str, Any]]]:
+    """Names as the file has them, those of nested namespaces with slashes between, and their parameters.
+
+    Raises: ConfigError for another layout, RecursionError for one nested too deep.
+    """
+    if not isinstance(document, Mapping):
         raise ConfigError(f'expected "/**: ros__parameters:" at the top, got {type(document).__name__}')
-    for key, body in (document or {}).items():
-        if key == 'ros__parameters' and isinstance(body, Mapping):
-            yield re.escape(namespace).replace(r'/\*\*', r'(/\w+)*').replace(r'/\*', r'(/\w+)'), body
-        elif isinstance(body, Mapping):
-            yield from _sections(body, f'{namespace}/{str(key).strip("/")}')
+    for key, body in document.items():
+        node = f'{namespace}/{str(key).strip("/")}' if namespace else key
+        if not isinstance(body, Mapping) or not isinstance(body.get('ros__parameters'), Mapping | None):
+            raise ConfigError(f'expected "ros__parameters:" under {node!r}')
+        inner = {name: part for name, part in body.items() if name != 'ros__parameters'}
+        if 'ros__parameters' in body:
+            yield node, body['ros__parameters'] or {}
+        elif not inner or not all(isinstance(part, Mapping) for part in inner.values()):
+            raise ConfigError(f'expected "ros__parameters:" under {node!r}, got {", ".join(map(str, body))}')
+        yield from _by_node(inner, str(node))
 
 
 def _merged(document: Any, wanted: Callable[[str], bool]) -> dict[str, Any]:
@@ -134,16 +147,10 @@ def _merged(document: Any, wanted: Callable[[str], bool]) -> dict[str, Any]:
 
     Raises: ConfigError for another layout or different values, RecursionError for one nested too deep.
     """
-    if not isinstance(document, Mapping):
-        raise ConfigError(f'expected "/**: ros__parameters:" at the top, got {type(document).__name__}')
     merged: dict[str, Any] = {}
     node_of: dict[str, Any] = {}
-    for node, body in document.items():
-        if not isinstance(body, Mapping) or not isinstance(body.get('ros__parameters'), Mapping | None):
-            raise ConfigError(f'expected "ros__parameters:" under {node!r}')
-        if 'ros__parameters' not in body:
-            raise ConfigError(f'expected "ros__parameters:" under {node!r}, got {", ".join(map(str, body))}')
-        for name, value in _flat(body['ros__parameters'] or {}):
+    for node, parameters in _by_node(document):
+        for name, value in _flat(parameters):
             if not wanted(name):
                 continue
             if str(node).strip('/') in ALL_NODES:

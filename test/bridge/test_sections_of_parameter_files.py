@@ -31,13 +31,13 @@ FILES = {
 }
 
 
-def by_rclpy(path: Path) -> dict[str, Any]:
-    """The parameters that rclpy finds for /pipeline."""
+def by_rclpy(path: Path, namespace: str = '') -> dict[str, Any]:
+    """The parameters that rclpy finds for the node ``pipeline`` of a namespace."""
     context = Context()
     rclpy.init(args=[], context=context, domain_id=own_domain())
     try:
         node = rclpy.create_node(
-            'pipeline', context=context, cli_args=['--ros-args', '--params-file', str(path)],
+            'pipeline', context=context, namespace=namespace, cli_args=['--ros-args', '--params-file', str(path)],
             automatically_declare_parameters_from_overrides=True, start_parameter_services=False, enable_rosout=False)
         found = {name: parameter.value for name, parameter in node.get_parameters_by_prefix('').items()}
         node.destroy_node()
@@ -62,5 +62,34 @@ def test_nodes_that_differ_are_refused_beside_a_section_for_all(tmp_path: Path):
     path = tmp_path / 'mine.yaml'
     path.write_text(f'{ALL}/front/{PIPELINE}/rear/{PIPELINE.replace("0.2", "0.25")}')
     words = "expected one value of art2.vigilance, got 0.2 under '/front/pipeline', 0.25 under '/rear/pipeline'"
+    with pytest.raises(ConfigError, match=re.escape(words)):
+        load_preset(path)
+
+
+@pytest.mark.parametrize(('text', 'vigilance', 'coast_s'), [
+    (f'{ALL}drone1: {{{PIPELINE.strip()}}}\n', 0.2, 0.5),
+    (f'{ALL}/drone1: {{{PIPELINE.strip()}}}\n', 0.2, 0.5),
+    (f'{ALL}fleet: {{drone1: {{{PIPELINE.strip()}}}}}\n', 0.2, 0.5),
+    (f'drone1: {{{PIPELINE.strip()}}}\n{ALL}', 0.3, 0.5),
+], ids=['one deep', 'with a slash', 'two deep', 'all of them after it'])
+def test_offline_reads_nested_namespaces_as_ros_does(tmp_path: Path, text: str, vigilance: float, coast_s: float):
+    path = tmp_path / 'mine.yaml'
+    path.write_text(text)
+    of_ros = by_rclpy(path, '/fleet/drone1' if 'fleet' in text else '/drone1')
+    assert [of_ros[name] for name in ('art2.vigilance', 'tracks.coast_s')] == [vigilance, coast_s]
+    offline = {name: value for name, value, _ in settings(load_preset(path))}
+    assert (offline['art2.vigilance'], offline['tracks.coast_s']) == (vigilance, coast_s)
+
+
+@pytest.mark.parametrize(('text', 'words'), [
+    (f'front: {{{PIPELINE.strip()}}}\nrear: {{{PIPELINE.replace("0.2", "0.25").strip()}}}\n',
+     "expected one value of art2.vigilance, got 0.2 under 'front/pipeline', 0.25 under 'rear/pipeline'"),
+    ('drone1: {pipeline: {tracks.coast_s: 0.2}}\n',
+     'expected "ros__parameters:" under \'drone1/pipeline\', got tracks.coast_s'),
+    ('drone1: {pipeline: {ros__parameters: 3}}\n', 'expected "ros__parameters:" under \'drone1/pipeline\''),
+])
+def test_errors_name_the_nested_node(tmp_path: Path, text: str, words: str):
+    path = tmp_path / 'mine.yaml'
+    path.write_text(text)
     with pytest.raises(ConfigError, match=re.escape(words)):
         load_preset(path)
