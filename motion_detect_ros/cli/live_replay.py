@@ -10,6 +10,7 @@ from pathlib import Path
 import motion_detect_ros
 from motion_detect_ros.bridge.bag_publishers import is_name
 from motion_detect_ros.bridge.serialized import header_stamp_ns
+from motion_detect_ros.cli.batch.earlier import look
 from motion_detect_ros.cli.batch.inputs import size_of
 from motion_detect_ros.cli.batch.jobs import PARTIAL, UNREADABLE, Job, Outcome, UnfinishedError
 from motion_detect_ros.cli.batch.resume import outcome_of_live
@@ -138,12 +139,14 @@ def _write(
     job: Job, summary: LiveSummary, frame_of: Mapping[int, int], heard: Sequence[Received],
     stopped: BaseException | None,
 ) -> None:
-    """Summary and detections. Raises: ``stopped``, what ended the playback early; the detections stay in ``.part``
-    files then, by which the next run knows that it is to be done anew.
+    """Summary and detections. Raises: SourceError where the folder holds something else by now; ``stopped``, what ended
+    the playback early; the detections stay in ``.part`` files then, by which the next run knows that it is to be done
+    anew.
     """
     try:
         job.folder.mkdir(parents=True, exist_ok=True)
         with owned(job.folder):
+            look(job, live=True)
             clear(job.folder, (CSV_NAME, BAG_NAME, SUMMARY_NAME))
             write_live_summary(job.folder, summary)
             with DetectionOutputs(job.folder, job.path) as outputs:

@@ -73,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
     jobs = make_jobs(arguments, config)
     if not arguments.live and not arguments.no_report and can_report():
         jobs = [replace(job, report=True) for job in jobs]
-    finished, lines = sort_out(jobs, arguments.force, arguments.live)
+    finished, lines = sort_out(jobs, arguments.live)
     if not arguments.live and not arguments.scheduler and len(finished) < len(jobs):
         compile_missing(config)
     several, outcomes = jobs[0].folder != arguments.output.absolute(), dict(finished)
@@ -102,7 +102,7 @@ def make_jobs(arguments: argparse.Namespace, config: PipelineConfig) -> list[Job
     rectified = arguments.rectified or node_parameters(preset_of(arguments)).get('rectified') is True
     folders = folders_of(inputs.paths, arguments.output.absolute(), inputs.several)
     jobs = [Job(path, folder, config, arguments.fps, arguments.topic, arguments.start, arguments.duration,
-                arguments.every, formats, arguments.overlay, rectified=rectified)
+                arguments.every, formats, arguments.overlay, rectified=rectified, force=arguments.force)
             for path, folder in zip(inputs.paths, folders, strict=True)]
     for job in jobs:
         if job.folder.resolve() == Path(job.path).resolve():

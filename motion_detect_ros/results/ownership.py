@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from motion_detect_ros.core.errors import SourceError
+from motion_detect_ros.sources.part_file import locked_file
 
 #: Holds who writes; a killed process leaves it behind, unlocked.
 LOCK_NAME = '.writing'
@@ -46,14 +47,15 @@ def owned(folder: Path) -> Iterator[Owner]:
     ``Owner.check`` says at the end whether another one has come.
     Raises: BusyError where another process writes it, SourceError where it cannot be written.
     """
-    try:
-        file = _locked(folder)
-    except OSError as error:
-        raise SourceError(f'{folder}: cannot be written: {error.strerror}') from None
     owner = Owner(folder, f'process {os.getpid()} on {platform.node()} {uuid.uuid4().hex}')
     try:
-        os.ftruncate(file, 0)
-        os.pwrite(file, owner.name.encode(), 0)
+        file = locked_file(folder / LOCK_NAME, os.O_NOFOLLOW)
+    except BlockingIOError:
+        raise _busy(folder) from None
+    except OSError as error:
+        raise _unwritable(folder, error) from None
+    try:
+        _sign(file, owner)
         yield owner
     finally:
         if owner.holds():
@@ -77,22 +79,19 @@ def is_owned(folder: Path) -> bool:
     return False
 
 
-def _locked(folder: Path) -> int:
-    """The lock's open file. Raises: BusyError, OSError."""
-    path = folder / LOCK_NAME
-    while True:
-        file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(file)
-            raise _busy(folder) from None
-        except OSError:  # a file system without locks
-            return file
-        with suppress(FileNotFoundError):
-            if os.path.samestat(os.fstat(file), path.stat()):
-                return file
-        os.close(file)  # the one before has just taken it away
+def _sign(file: int, owner: Owner) -> None:
+    """Raises: SourceError where there is no room for it; the lock is taken away then."""
+    try:
+        os.ftruncate(file, 0)
+        os.pwrite(file, owner.name.encode(), 0)
+    except OSError as error:
+        with suppress(OSError):
+            (owner.folder / LOCK_NAME).unlink()
+        raise _unwritable(owner.folder, error) from None
+
+
+def _unwritable(folder: Path, error: OSError) -> SourceError:
+    return SourceError(f'{folder}: cannot be written: {error.strerror}')
 
 
 def _busy(folder: Path) -> BusyError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import ByteArray, CameraModel, DoubleArray, RecordArray
 from motion_detect_ros.sources import messages
 from motion_detect_ros.sources.frames import CAMERA_FRAME
-from motion_detect_ros.sources.part_file import PartFile
+from motion_detect_ros.sources.part_file import PartFile, locked_file
 
 CHUNK_BYTES = 1 << 20
 
@@ -24,7 +25,8 @@ class BagWriter(PartFile):
     """
 
     def __init__(self, path: str | Path, compress: bool = True, chunk_bytes: int = CHUNK_BYTES) -> None:
-        """compress: zstd for the chunks; off suits pictures, which hardly shrink. Raises: SourceError.
+        """compress: zstd for the chunks; off suits pictures, which hardly shrink. Raises: SourceError, where another
+        process writes the same file too.
 
         chunk_bytes: what is collected before it is written; if the process is killed that much is lost.
         """
@@ -33,7 +35,10 @@ class BagWriter(PartFile):
         self._channels: dict[tuple[str, str], int] = {}
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._stream = self.part_path.open('wb')
+            self._stream = os.fdopen(locked_file(self.part_path), 'wb')
+            self._stream.truncate(0)
+        except BlockingIOError:
+            raise SourceError(f'{self.part_path}: is being written by another process') from None
         except OSError as error:
             raise SourceError(f'{self.part_path}: cannot be written: {error.strerror}') from None
         compression = CompressionType.ZSTD if compress else CompressionType.NONE

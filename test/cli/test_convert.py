@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 
 from motion_detect_ros.__main__ import main
 from motion_detect_ros.cli.convert import convert
+from motion_detect_ros.sources.bag_writer import BagWriter
 from motion_detect_ros.sources.frames import FrameSource, SourceFrame
 from motion_detect_ros.sources.images import image_folder
 from motion_detect_ros.sources.truth import load_truth, read_truth
@@ -51,6 +52,25 @@ def test_visdrone_raw(sequence: Path, tmp_path: Path) -> None:
     info = read['/camera_info'][0][1]
     assert (info.width, info.height, list(info.k)) == (64, 36, [0] * 9)  # uncalibrated
     assert read_truth(tmp_path / 'out.truth.csv')['frame'].tolist() == [0, 4]  # picture 6 does not exist
+
+
+def test_a_bag_that_another_process_writes_is_left_to_it(
+    sequence: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / 'out.mcap'
+    words = ['convert', 'images', str(sequence), '-o', str(out), '--fps', '10']
+    assert main(words) == 0
+    earlier = out.read_bytes()
+    with BagWriter(out) as other:  # locks are of an open file: this is as good as another process
+        other.write_image(np.zeros((4, 4), np.uint8), 1)
+        begun = other.part_path.read_bytes()
+        capsys.readouterr()
+        assert main([*words, '--force']) == 2
+        assert capsys.readouterr().err == f'error: {out}.part: is being written by another process\n'
+        assert (out.read_bytes(), other.part_path.read_bytes()) == (earlier, begun)
+    assert len(contents(out)['/image_raw']) == 1
+    assert main([*words, '--force']) == 0
+    assert len(contents(out)['/image_raw']) == 5
 
 
 def test_compressed_keeps_the_files_byte_for_byte(sequence: Path, tmp_path: Path) -> None:

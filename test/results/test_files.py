@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.results.files import TextFile, write_whole
+from motion_detect_ros.results.ownership import owned
 
 
 @contextmanager
@@ -45,3 +47,12 @@ def test_a_small_file_that_finds_no_room_is_not_there(tmp_path: Path):
     with pytest.raises(OSError, match='too large'), largest_file(8):
         write_whole(tmp_path / 'summary.json', 'something longer')
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {'summary.json': 'earlier'}
+
+
+def test_a_folder_without_room_for_its_lock_is_said_and_left_as_it_was(tmp_path: Path):
+    with largest_file(0), pytest.raises(SourceError, match=f'{tmp_path}: cannot be written: File too large'), \
+            owned(tmp_path):
+        pass
+    assert not [*tmp_path.iterdir()]
+    with owned(tmp_path) as owner:
+        assert owner.holds()

@@ -23,7 +23,7 @@ class Job:
 
     fps (1/s), topic, start_s, duration_s (s), every (frames): as the user gave them, None where not; formats: names in
     ``FORMATS``; overlay: pictures with boxes too; report: make report.html at the end; rectified: the pictures of a bag
-    are, as for ``camera_of``.
+    are, as for ``camera_of``; force: whatever the folder holds is overwritten.
     """
 
     path: str
@@ -38,6 +38,7 @@ class Job:
     overlay: bool = False
     report: bool = False
     rectified: bool = False
+    force: bool = False
 
     @property
     def window(self) -> Window:

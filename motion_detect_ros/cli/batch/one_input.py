@@ -14,6 +14,7 @@ from time import perf_counter
 import numpy as np
 
 import motion_detect_ros
+from motion_detect_ros.cli.batch.earlier import Found, look
 from motion_detect_ros.cli.batch.inputs import size_of
 from motion_detect_ros.cli.batch.jobs import (
     NOTHING,
@@ -39,7 +40,7 @@ from motion_detect_ros.report.make import report_after_replay
 from motion_detect_ros.results.formats import clear, output_names
 from motion_detect_ros.results.outputs import ReplayOutputs
 from motion_detect_ros.results.ownership import BusyError, owned
-from motion_detect_ros.results.summary import Percentiles, Summary, write_summary
+from motion_detect_ros.results.summary import Percentiles, Summary, read_summary, write_summary
 from motion_detect_ros.results.tally import Tally
 from motion_detect_ros.sources.ahead import Ahead
 from motion_detect_ros.sources.bags import BagFrames
@@ -85,9 +86,10 @@ def outcome_of(job: Job, summary: Summary) -> Outcome:
 def replay(job: Job, watch: Watch = lambda done, total: None) -> Summary:
     """Run one input through a fresh pipeline and write its outputs.
 
-    Raises: SourceError for an input that cannot be read or a folder that cannot be written, BusyError where another
-    process writes it; UnfinishedError where that comes to be after the first frame; what ``watch`` raises. Whatever
-    ends the run, outputs and summary hold what was done.
+    What another process finished meanwhile is taken as it is.
+    Raises: SourceError for an input that cannot be read, a folder that cannot be written or by now holds something
+    else, BusyError where another process writes it; UnfinishedError where that comes to be after the first frame; what
+    ``watch`` raises. Whatever ends the run, outputs and summary hold what was done.
     """
     input_bytes = size_of(job.path)  # before it is read: what grows meanwhile is another input next time
     source = open_source(job.path, job.fps, job.topic, job.window, job.rectified)
@@ -101,6 +103,8 @@ def replay(job: Job, watch: Watch = lambda done, total: None) -> Summary:
 
     _make_folder(job.folder)
     with owned(job.folder) as owner:
+        if look(job) is Found.FINISHED:
+            return read_summary(job.folder)
         try:
             _begin(job, summary_now(complete=False))
             with ReplayOutputs(job.folder, str(job.path), job.formats) as outputs:

@@ -93,6 +93,39 @@ def test_a_folder_that_another_process_writes_is_left_to_it(
     assert_whole(out / 'a', expected)
 
 
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_what_another_process_finished_meanwhile_is_not_overwritten(flight: Path, tmp_path: Path):
+    """Both runs found ``out/x`` free when they began; the first one comes to its own ``x`` later."""
+    out, mine, other = tmp_path / 'out', tmp_path / 'mine' / 'x.mcap', tmp_path / 'other' / 'x.mcap'
+    for file in mine, other:
+        file.parent.mkdir()
+        write_flight(file)
+    write_flight(tmp_path / 'y.mcap')
+    first = start(flight, mine, '-o', out)
+    once(lambda: rows(out / 'a') >= 5, first)
+    first.send_signal(signal.SIGSTOP)
+    assert end(start(other, tmp_path / 'y.mcap', '-o', out))[0] == 0
+    theirs = contents(out / 'x')
+    first.send_signal(signal.SIGCONT)
+    code, stdout, stderr = end(first)
+    assert (code, stderr) == (
+        3, f'error: {out}/x: holds a result of something else (input {other}, now {mine}); --force overwrites it\n')
+    assert '2 inputs: 1 done, 1 failed\n' in stdout
+    assert contents(out / 'x') == theirs
+
+
+@pytest.mark.parametrize('force', [False, True])
+def test_a_job_that_was_finished_meanwhile_is_done_again_by_force_only(force: bool, tmp_path: Path):
+    job = Job(str(write_flight(tmp_path / 'a.mcap')), tmp_path / 'out', PipelineConfig(), force=force)
+    assert run_job(job).exit_code == OK
+    told = list[int]()
+    assert run_job(job, lambda done, total: told.append(done)).exit_code == OK
+    assert len(told) == (FRAMES if force else 0)
+
+
 def test_without_locks_the_last_one_to_come_has_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """As on Lustre that is mounted without ``flock``; the other gives nothing its final name."""
     def no_locks(*_: object) -> None:
