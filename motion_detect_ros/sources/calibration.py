@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from motion_detect_ros.core.types import CameraModel
+from motion_detect_ros.core.stamp_order import REORDER_S
+from motion_detect_ros.core.types import NANOSECONDS, CameraModel
 from motion_detect_ros.sources.camera_info import camera_of, lens_problem
 from motion_detect_ros.sources.messages import stamp_of
 
@@ -23,14 +24,16 @@ class Calibration:
     """Those that have come. They are noted as they come; before an image is processed its own is asked for.
 
     The one with the stamp of the image counts where it has come, else the latest one that is not after it, else the
-    latest: of a lens that zooms each image has its own.
+    latest: of a lens that zooms each image has its own. Where their stamps go back, those of later times are of another
+    run of the clock and do not count any more.
     """
 
     def __init__(self, rectified: bool) -> None:
         """rectified: as for ``camera_of``."""
         self._rectified = rectified
         self._camera: CameraModel | None = None
-        self._cameras: dict[int, CameraModel | None] = {}
+        self._cameras: dict[int, CameraModel | None] = {}  # never changed: another thread may look at it
+        self._latest_ns = 0
         self.state = self._told = NONE
         self._images = 0
         self._lens_problem = ''
@@ -39,10 +42,14 @@ class Calibration:
         """A message has come, whatever library has read it; one without a calibration takes the place of the earlier
         one too.
         """
-        self._camera = self._cameras[stamp_of(info)] = camera_of(info, self._rectified)
+        stamp_ns, known = stamp_of(info), self._cameras.copy()
+        if self._latest_ns - stamp_ns >= REORDER_S * NANOSECONDS:  # of another run of the clock
+            known = {earlier_ns: camera for earlier_ns, camera in known.items() if earlier_ns < stamp_ns}
+        self._camera = known[stamp_ns] = camera_of(info, self._rectified)
         self._lens_problem = '' if self._rectified else lens_problem(info)
-        if len(self._cameras) > KEPT:
-            del self._cameras[next(iter(self._cameras))]
+        if len(known) > KEPT:
+            del known[next(iter(known))]
+        self._cameras, self._latest_ns = known, stamp_ns
         if self._camera is None:
             self.state = UNCALIBRATED
 
@@ -66,10 +73,11 @@ class Calibration:
         return camera
 
     def _camera_at(self, image_stamp_ns: int) -> CameraModel | None:
-        if image_stamp_ns in self._cameras:
-            return self._cameras[image_stamp_ns]
-        before = max((stamp_ns for stamp_ns in self._cameras if stamp_ns < image_stamp_ns), default=None)
-        return self._camera if before is None else self._cameras[before]
+        known = self._cameras
+        if image_stamp_ns in known:
+            return known[image_stamp_ns]
+        before = max((stamp_ns for stamp_ns in known if stamp_ns < image_stamp_ns), default=None)
+        return self._camera if before is None else known[before]
 
     def complaint(self) -> str:
         """Why bearings are unknown or inexact, in a sentence, once for each reason; empty where nothing is new."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+import threading
+
 import pytest
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
@@ -84,3 +87,43 @@ def test_a_lens_that_is_known_or_does_not_matter_is_not_mentioned(model: str, d:
     calibration.note(lens)
     calibration.for_image(1, *SIZE)
     assert (calibration.state, calibration.complaint()) == (USED, '')
+
+
+def test_where_the_clock_goes_back_those_of_later_times_do_not_count_any_more():
+    """A bag that begins again, or another camera: the clock showed 10 to 19 s, and shows 5 s now."""
+    calibration = Calibration(rectified=False)
+    for second in range(10, 20):
+        calibration.note(info(second * 10**9, 500.0))
+    calibration.note(info(5 * 10**9, 900.0))
+    assert [focal_px(calibration, round(second * 1e9)) for second in (5.0, 9.9, 10.0, 10.1, 15.0, 30.0)] == [900.0] * 6
+
+
+def test_one_that_comes_late_takes_none_away():
+    calibration = zooming(30)
+    calibration.note(info(10, 700.0))
+    assert [focal_px(calibration, stamp_ns) for stamp_ns in (9, 10, 11, 30)] == [509.0, 700.0, 511.0, 530.0]
+
+
+def test_they_may_come_while_an_image_asks_for_its_own():
+    """The executor notes them, the thread of the stage asks."""
+    calibration, faults, over = zooming(KEPT), list[BaseException](), threading.Event()
+
+    def ask() -> None:
+        try:
+            while not over.is_set():
+                for stamp_ns in range(KEPT + 1000, KEPT + 1100):
+                    calibration.for_image(stamp_ns, *SIZE)
+        except BaseException as error:
+            faults.append(error)
+
+    thread, interval = threading.Thread(target=ask), sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        thread.start()
+        for stamp_ns in range(KEPT + 1, KEPT + 600):
+            calibration.note(info(stamp_ns, 500.0))
+    finally:
+        over.set()
+        thread.join()
+        sys.setswitchinterval(interval)
+    assert not faults

@@ -496,6 +496,20 @@ def test_all_kernels_are_ready_after_the_warm_up(preset):
     assert (done.returncode, done.stdout) == (0, ''), done.stderr
 
 
+def test_of_frames_whose_times_come_again_the_new_ones_are_kept():
+    """A recording of 18 frames plays in a loop, one is lost in the first round, and the reference is 16 frames back."""
+    config, history, found = PipelineConfig(), FrameHistory(0.64), []
+    prepare = Preprocessor(config.preprocessing)
+    picture = GROUND[:, :480].copy()
+    for number in (each for round_number in range(3) for each in range(18) if (round_number, each) != (0, 5)):
+        stamp_ns = (number + 1) * PERIOD_NS
+        status = EgoStatus.OK if found and number else EgoStatus.TIME_JUMP
+        ego = (EgoMotion(np.eye(3), np.eye(6), status, stamp_ns, stamp_ns - PERIOD_NS) if status == EgoStatus.OK
+               else no_estimate(status, stamp_ns, stamp_ns))
+        found.append(history.step(prepare.process(picture, stamp_ns), ego) is not None)
+    assert found[-17:] == [True] * 17 and found[-35:-18] == [True] * 17
+
+
 class TestFlow:
     def between(self, matrix: np.ndarray, current: np.ndarray, earlier: np.ndarray):
         config = PipelineConfig()

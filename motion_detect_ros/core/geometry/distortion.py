@@ -9,8 +9,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from motion_detect_ros.core.types import CameraModel, DoubleArray, FloatArray
+from motion_detect_ros.core.types import BoolArray, CameraModel, DoubleArray, FloatArray
 
+#: A pixel and what its ray makes of it may be so far apart, pixels.
+MAX_OFF_PX = 1.0
 #: When the iteration that inverts the distortion ends: number of steps, change.
 _CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-9)
 
@@ -29,6 +31,18 @@ def undistorted(points: FloatArray | DoubleArray, camera: CameraModel) -> Double
     else:
         found = cv2.undistortPoints(pixels, camera.matrix, lens, criteria=_CRITERIA)
     return np.asarray(found, np.float64).reshape(-1, 2)
+
+
+def inverts(found: DoubleArray, points: FloatArray | DoubleArray, camera: CameraModel) -> BoolArray:
+    """(N,) whether ``found``, what ``undistorted`` makes of (N, 2) pixels, is where the lens shows them.
+
+    It is not beyond the angle from which on a calibrated polynomial turns back, nor at 90 degrees and more from the
+    axis, where a point on the image plane does not exist.
+    """
+    known = np.isfinite(found).all(axis=1)
+    off = np.abs(distorted(np.where(known[:, None], found, 0.0), camera) - np.asarray(points, np.float64))
+    fits: BoolArray = known & (off.max(axis=1, initial=0.0) <= MAX_OFF_PX)
+    return fits
 
 
 def distorted(points: DoubleArray, camera: CameraModel) -> DoubleArray:

@@ -52,6 +52,7 @@ class FrameHistory:
         self._chain.append(ego)
         link = self._chain.nearest(self._baseline_s)
         earlier = self._frames.get(link.stamp_ns) if link else None
+        self._frames.pop(frame.stamp_ns, None)  # where a clock that went back gives its times again, it is the newest
         self._frames[frame.stamp_ns] = frame
         while len(self._frames) > MAX_LINKS + 1:
             del self._frames[next(iter(self._frames))]

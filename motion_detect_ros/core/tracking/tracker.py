@@ -109,6 +109,7 @@ class Tracker:
         self._lost.reset()
         for track in self._tracks:
             track.predict_without_ego_motion(camera_px, dt_s)
+            track.detected.add(dt_s, self._config.confirm_window_s, False)
 
     def _remember(self, track: Track, gray: ByteArray | None, width: int) -> None:
         """Learn an object's appearance while its box shows the whole object."""

@@ -61,3 +61,36 @@ def test_rectified_images_have_no_distortion_and_unknown_coefficients_are_none()
     assert camera_of(info).distortion == ()
     info.d = [0.1] * 3
     assert camera_of(info).distortion == (0.1, 0.1, 0.1, 0.0)
+
+
+def directions(camera: CameraModel, pixels: np.ndarray) -> np.ndarray:
+    """(N, 3) bearings of boxes around pixels, which are counted from their centres."""
+    records = empty_detections(len(pixels))
+    records['u'], records['v'] = (pixels + 0.5).T
+    found = bearings(records, camera)
+    return np.stack([found[f'bearing_{axis}'] for axis in 'xyz'], -1)
+
+
+def test_there_is_no_bearing_at_right_angles_to_the_axis_and_beyond():
+    """An ideal wide lens, r = f * angle, of 204 degrees: 1.57 rad are 283 px from the axis."""
+    camera = CameraModel(640, 480, 180.0, 180.0, 320.0, 240.0, (0.0, 0.0, 0.0, 0.0), True)
+    radius = np.array([0.0, 100.0, 200.0, 270.0, 285.0, 300.0, 318.0])
+    found = directions(camera, np.c_[320.0 + radius, np.full(7, 240.0)])
+    angle = radius / 180.0
+    np.testing.assert_allclose(found[:4], np.c_[np.sin(angle), np.zeros(7), np.cos(angle)][:4], atol=2e-3)
+    assert np.isnan(found[4:]).all()
+
+
+def test_there_is_no_bearing_where_the_polynomial_of_a_lens_turns_back():
+    """Its image ends where r = angle * (1 - 0.35 * angle^2) is largest, at 0.976 rad: 320 * 0.65 = 208 px."""
+    camera = CameraModel(640, 480, 320.0, 320.0, 320.0, 240.0, (-0.35, 0.0, 0.0, 0.0), True)
+    found = directions(camera, np.array([[320.0 + 150.0, 240.0], [320.0 + 200.0, 240.0], [320.0 + 230.0, 240.0],
+                                         [320.0 + 300.0, 240.0]]))
+    assert np.isfinite(found[:2]).all() and (found[:2, 2] > 0.5).all()
+    assert np.isnan(found[2:]).all()
+
+
+@pytest.mark.parametrize('name', LENSES)
+def test_there_is_a_bearing_all_over_the_picture_of_a_lens_that_fits_it(name: str):
+    _, pixels, camera = seen(name)
+    assert np.isfinite(directions(camera, pixels)).all()

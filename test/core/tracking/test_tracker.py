@@ -256,21 +256,42 @@ class TestMissingEgoMotion:
         assert after['id'].tolist() != before['id'].tolist()
 
     def test_own_motion_goes_on_for_the_time_that_passed(self):
-        tracker = Tracker(CONFIG)
+        tracker = Tracker(replace(CONFIG, coast_s=0.5, show_log_odds=-10.0))
         self.steady(tracker)  # at 155
         tracker.coast_without_frame(0.4, 640)
         records = tracker.step([], np.eye(3), DT_S, 640, 480)
         assert records['u'][0] == pytest.approx(155 + 100 * 0.45, abs=1.0)
 
-    @pytest.mark.parametrize(('missing_s', 'longest'), [(0.9, 1), (DT_S, 2), (0.0, 3)])
+    @pytest.mark.parametrize(('missing_s', 'longest'), [(0.9, 0), (DT_S, 2), (0.0, 3)])
     def test_time_without_frames_is_time_undetected(self, missing_s: float, longest: int):
-        """An object lives for ``coast_s``, three frames, and for one at least; nothing says that it is there still."""
+        """An object lives for ``coast_s``, three frames; nothing says that it is there still."""
         tracker = Tracker(replace(CONFIG, coast_s=3 * DT_S, show_log_odds=-10.0))
         self.steady(tracker)
         if missing_s:
             tracker.coast_without_frame(missing_s, 640)
         counts = [len(tracker.step([], np.eye(3), DT_S, 640, 480)) for _ in range(6)]
         assert counts == [1] * longest + [0] * (6 - longest)
+
+    def test_what_was_believed_is_forgotten_meanwhile(self):
+        """As over frames in which nothing could be looked for."""
+        scores = []
+        for gap in (Tracker.coast_without_frame, lambda tracker, s, width: tracker.coast(np.eye(3), s, width, 480)):
+            tracker = Tracker(replace(CONFIG, coast_s=2.0, show_log_odds=-10.0))
+            self.steady(tracker)
+            gap(tracker, 0.3, 640)
+            scores.append(float(tracker.step([], np.eye(3), DT_S, 640, 480)['score'][0]))
+        assert scores[0] == pytest.approx(scores[1])
+
+    @pytest.mark.parametrize('missing', [False, True])
+    def test_a_first_detection_before_a_gap_confirms_nothing(self, missing: bool):
+        """Three detections within 0.25 s confirm; the first one is 0.4 s before the others."""
+        tracker = Tracker(CONFIG)
+        tracker.step([candidate(100, 100)], np.eye(3), DT_S, 640, 480)
+        if missing:
+            for _ in range(8):
+                tracker.coast_without_frame(DT_S, 640)
+        counts = [len(tracker.step([candidate(100, 100)], np.eye(3), DT_S, 640, 480)) for _ in range(2)]
+        assert counts == ([0, 0] if missing else [0, 1])
 
     @pytest.mark.parametrize(('step_px', 'reported'), [(0.0, False), (2.0, True)])
     def test_the_way_of_the_camera_is_not_that_of_a_faint_object(self, step_px: float, reported: bool):
