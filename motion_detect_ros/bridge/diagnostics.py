@@ -14,6 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Header
 
 from motion_detect_ros.core.self_tuning import Tuned
+from motion_detect_ros.core.types import EgoMotion
 
 #: Latest frames that rates and latencies are taken over.
 WINDOW = 200
@@ -258,3 +259,10 @@ def _judged(summary: Summary, condition: Condition, dropped: int) -> tuple[bytes
 def _pairs(summary: Summary) -> tuple[tuple[str, str], ...]:
     return tuple(
         (key, f'{value:.3f}' if isinstance(value, float) else str(value)) for key, value in vars(summary).items())
+
+
+def unused_for(ego: EgoMotion, has_reference: bool = True) -> str:
+    """Why an image cannot be searched for moving objects; empty where it can."""
+    if not ego.ok:
+        return f'ego-motion is {ego.status.name}'
+    return '' if has_reference else 'there is no earlier image to compare with'

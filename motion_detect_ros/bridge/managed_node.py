@@ -170,6 +170,10 @@ class ManagedNode(LifecycleNode):
         self._publishers_made.append(publisher)
         return publisher
 
+    def _withdraw(self) -> None:
+        while self._publishers_made:
+            self.destroy_lifecycle_publisher(self._publishers_made.pop())
+
     def close(self) -> None:
         """End whatever runs; safe to call at any time."""
         self._leave()
@@ -183,6 +187,7 @@ class ManagedNode(LifecycleNode):
         self.opening = False
         self.configured = result == TransitionCallbackReturn.SUCCESS
         if not self.configured:
+            self._withdraw()
             return result
         self._opened = f'configured in {time.monotonic() - start_s:.1f} s'
         if not self._starting:
@@ -196,6 +201,7 @@ class ManagedNode(LifecycleNode):
         self.active = result == TransitionCallbackReturn.SUCCESS
         if not self.active:
             self._leave()
+            super().on_deactivate(state)
             return result
         how = f'{self._opened}, ' if self._starting else ''
         self.get_logger().info(f'{how}active: subscribes to {endpoints(self._subscriptions_made)}; '
@@ -211,8 +217,7 @@ class ManagedNode(LifecycleNode):
         """Lifecycle: as if just made."""
         result = super().on_cleanup(state)
         self.configured = False
-        while self._publishers_made:
-            self.destroy_lifecycle_publisher(self._publishers_made.pop())
+        self._withdraw()
         return result
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:

@@ -25,7 +25,7 @@ from motion_detect_ros.bridge.left_out import LeftOut
 from motion_detect_ros.bridge.managed_node import WARNING_PERIOD_S, ManagedNode
 from motion_detect_ros.bridge.params import declare_config, declare_simple
 from motion_detect_ros.bridge.qos import image_qos, overridable
-from motion_detect_ros.bridge.sync import ExactJoin
+from motion_detect_ros.bridge.sync import ExactJoin, size_of
 from motion_detect_ros.bridge.topics import CAMERA_INFO, EGO_MOTION, NO_CAMERA, Topic
 from motion_detect_ros.bridge.worker import Worker
 from motion_detect_ros.core.errors import MessageError, MotionDetectError
@@ -34,7 +34,7 @@ from motion_detect_ros.core.reconfiguration import structural_changes
 from motion_detect_ros.core.settings import Scalar, settings, with_settings
 from motion_detect_ros.core.stamp_order import REORDER_S, Verdict
 from motion_detect_ros.core.threads import use
-from motion_detect_ros.core.types import CameraModel, EgoMotion
+from motion_detect_ros.core.types import CameraModel
 from motion_detect_ros.kernel_compiler import warm_up_ahead
 from motion_detect_ros.sources.encoding import ImageDecoder
 from motion_detect_ros.sources.secrets import reason_of
@@ -71,12 +71,14 @@ class StageNode(ManagedNode):
             self, 'stamp_missing', 'refuse',
             'images without a stamp: leave them out, or use the time of arrival (`pipeline` only)',
             choices=('refuse', 'arrival')) == 'arrival' and not self.inputs
-        self._join = ExactJoin(('image', *(topic.name for topic in self.inputs)), 2 * self._queue_size + 8, reorder_s)
+        names = 'image', *(topic.name for topic in self.inputs)
+        self._join = ExactJoin(names, 2 * self._queue_size + 8, reorder_s, size_of)
         self._stream = ImageStream(self._image_input.compressed)
         self._camera = StageCamera(self._image_input.rectified, self.use_camera, self._warn_of_camera)
         self.latest: tuple[tuple[str, str], ...] = ()
         self.decimate()
-        self._worker: Worker[tuple[Any, ...]] | None = None
+        self._worker: Worker[tuple[int, tuple[Any, ...]]] | None = None
+        self._clock_run = 0
         self._gyro: GyroInput | None = None
         self._decoder = ImageDecoder()
         self._busy = threading.Lock()
@@ -100,6 +102,9 @@ class StageNode(ManagedNode):
 
     def forget(self) -> None:
         """Clear the history of the stage; not while it works. Overridden."""
+
+    def clock_jumped(self) -> None:
+        """The next image is of another run of the clock. Overridden by the first stage, which tells the others."""
 
     def gyro_sink(self) -> Sink | None:
         """Where angular rates go, for a stage that uses them. Overridden."""
@@ -224,7 +229,7 @@ class StageNode(ManagedNode):
         if messages and self._worker:
             if self._decimation.active:
                 self.stats.expect_use(time.monotonic_ns())
-            self._worker.submit(messages)
+            self._worker.submit((self._join.count('image', Verdict.JUMP), messages))
 
     def _stamp(self, msg: Any) -> bool:
         """Give an image without a stamp its time of arrival, where the user wants that; whether it got one."""
@@ -246,10 +251,14 @@ class StageNode(ManagedNode):
             self.stats.count_dropped()
             self.stats.count_unused(f'stamps {verdict.value}')
 
-    def _guarded(self, messages: tuple[Any, ...]) -> None:
+    def _guarded(self, item: tuple[int, tuple[Any, ...]]) -> None:
         start = time.perf_counter()
+        clock_run, messages = item
         try:
             with self._busy:
+                if clock_run != self._clock_run:  # the image that told may have been left out
+                    self._clock_run = clock_run
+                    self.clock_jumped()
                 values = self._values(messages)
                 self._camera.update(stamp_ns(messages[0].header), *values[0].shape[1::-1])
                 if self._gyro:
@@ -287,10 +296,3 @@ class StageNode(ManagedNode):
     def _warn_of_camera(self, words: str) -> None:
         if self.uses_camera:
             self.get_logger().warning(words)
-
-
-def unused_for(ego: EgoMotion, has_reference: bool = True) -> str:
-    """Why an image cannot be searched for moving objects; empty where it can."""
-    if not ego.ok:
-        return f'ego-motion is {ego.status.name}'
-    return '' if has_reference else 'there is no earlier image to compare with'

@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from motion_detect_ros.core.stamp_order import StampOrder, Verdict
+
+#: Bytes of messages over its capacity that a join keeps at most, and sets in all: pictures wait for a stage that takes
+#: long, and those that it leaves out wait with them.
+ROOM_BYTES, MOST_SETS = 64 << 20, 300
+
+
+def size_of(msg: Any) -> int:
+    """Bytes of a message that grow with the picture."""
+    return len(getattr(msg, 'data', ()))
 
 
 class ExactJoin:
     """Collects one item of every name for each stamp. Not thread-safe: feed it from one executor."""
 
-    def __init__(self, names: tuple[str, ...], capacity: int, reorder_s: float = 0.0) -> None:
-        """reorder_s: as for ``StampOrder``, of the first name, the images; the others come from stages that have judged
+    def __init__(
+        self, names: tuple[str, ...], capacity: int, reorder_s: float = 0.0, size: Callable[[Any], int] | None = None,
+    ) -> None:
+        """capacity: sets that may wait; with ``size``, bytes of an item, more of them while there is room.
+
+        reorder_s: as for ``StampOrder``, of the first name, the images; the others come from stages that have judged
         these, so that an earlier stamp is always of a new run of the clock.
         """
-        self._capacity = capacity
+        self._capacity, self._size = capacity, size
         self._waiting: dict[int, dict[str, Any]] = {}
         self._orders = {name: StampOrder(0.0 if number else reorder_s) for number, name in enumerate(names)}
         self.verdict = Verdict.NEXT
@@ -27,9 +41,9 @@ class ExactJoin:
 
         An item whose stamp was seen already or is late is left out; ``verdict`` says so until the next one.
 
-        A complete set discards sets of earlier stamps, which can only be incomplete, and counts them as dropped;
-        so do sets over ``capacity``, oldest arrival first. Where the stamps of a name go back, its items of later
-        times are of another run of the clock and must not meet the present one: they are forgotten.
+        A complete set discards sets of earlier stamps, which can only be incomplete, and counts them as dropped; so do
+        sets over ``capacity`` for which there is no room, oldest arrival first. Where the stamps of a name go back, its
+        items of later times are of another run of the clock and must not meet the present one: they are forgotten.
         """
         self.given_up = ()
         self.verdict = self._orders[name].judge(stamp_ns)
@@ -43,7 +57,7 @@ class ExactJoin:
             del self._waiting[stamp_ns]
             self._discard([old for old in self._waiting if old < stamp_ns])
             return tuple(items[each] for each in self._orders)
-        self._discard(list(self._waiting)[:-self._capacity])
+        self._discard(self._too_many())
         return None
 
     def count(self, name: str, verdict: Verdict) -> int:
@@ -61,6 +75,17 @@ class ExactJoin:
         self.given_up = ()
         for order in self._orders.values():
             order.reset()
+
+    def _too_many(self) -> list[int]:
+        over = list(self._waiting)[:-self._capacity]
+        if not over or self._size is None:
+            return over
+        used = sum(map(self._size, (item for items in self._waiting.values() for item in items.values())))
+        for number, stamp in enumerate(over):
+            if used <= ROOM_BYTES and len(self._waiting) - number <= MOST_SETS:
+                return over[:number]
+            used -= sum(map(self._size, self._waiting[stamp].values()))
+        return over
 
     def _forget_later(self, name: str, stamp_ns: int) -> None:
         for stamp, items in self._waiting.items():

@@ -130,6 +130,10 @@ class MotionPipeline:
         """An angular rate, (3,) rad/s in the IMU's frame, in order of time: see ``EgoMotionStage.add_gyro``."""
         self._ego_motion.add_gyro(stamp_ns, rate)
 
+    def clock_jumped(self) -> None:
+        """The next image is of another run of the clock, whatever its stamp: all history is cleared before it."""
+        self._ego_motion.clock_jumped()
+
     def limit_width(self, share: float) -> None:
         """Less work from the next frame on: at most this share, 0 .. 1, of ``preprocessing.max_width_px``.
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any
 
-from motion_detect_ros.bridge.diagnostics import tuned_pairs
+from motion_detect_ros.bridge.diagnostics import tuned_pairs, unused_for
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.load import Stage
 from motion_detect_ros.bridge.load_watch import StageLoad, SteppedNode
 from motion_detect_ros.bridge.runner import main_of
-from motion_detect_ros.bridge.stage_node import unused_for
 from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, DetectionPublisher
 from motion_detect_ros.bridge.track_ids import declare_first_id
 from motion_detect_ros.core.clustering_stage import ClusteringStage

@@ -6,11 +6,11 @@ import time
 from dataclasses import replace
 from typing import Any
 
+from motion_detect_ros.bridge.diagnostics import unused_for
 from motion_detect_ros.bridge.gyro import Sink
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.load_watch import LoadWatch, SteppedNode
 from motion_detect_ros.bridge.runner import main_of
-from motion_detect_ros.bridge.stage_node import unused_for
 from motion_detect_ros.bridge.topics import EGO_MOTION, TopicPublisher
 from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
@@ -69,6 +69,10 @@ class EgoMotionNode(SteppedNode):
     def use_camera(self, camera: CameraModel | None) -> None:
         """Hand the calibration on."""
         self._stage.camera = camera
+
+    def clock_jumped(self) -> None:
+        """The stage says so in the status, by which the others start anew."""
+        self._stage.clock_jumped()
 
     def gyro_sink(self) -> Sink:
         """The stage of the moment: other settings may bring a new one."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from motion_detect_ros.bridge.diagnostics import unused_for
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.load import Stage
 from motion_detect_ros.bridge.load_watch import StageLoad, SteppedNode
 from motion_detect_ros.bridge.runner import main_of
-from motion_detect_ros.bridge.stage_node import unused_for
 from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, TopicPublisher
 from motion_detect_ros.core.geometry.frame_history import FrameHistory
 from motion_detect_ros.core.optical_flow.stage import OpticalFlowStage

@@ -14,7 +14,7 @@ from motion_detect_ros.bridge.markers import MarkerWriter
 from motion_detect_ros.bridge.params import declare_simple
 from motion_detect_ros.bridge.qos import image_qos
 from motion_detect_ros.bridge.runner import main_of
-from motion_detect_ros.bridge.sync import ExactJoin
+from motion_detect_ros.bridge.sync import ExactJoin, size_of
 from motion_detect_ros.bridge.topics import (
     CAMERA_INFO,
     DETECTIONS,
@@ -31,7 +31,7 @@ from motion_detect_ros.core.stamp_order import REORDER_S
 from motion_detect_ros.core.types import FlowField
 from motion_detect_ros.sources.encoding import ImageDecoder
 
-#: How often its subscribers are counted, seconds; images that may wait for their detections.
+#: How often its subscribers are counted, seconds; images that may wait for their detections, however large.
 DEMAND_PERIOD_S, WAITING = 0.5, 10
 
 
@@ -41,11 +41,11 @@ class OverlayNode(ManagedNode):
     def __init__(self) -> None:
         super().__init__('overlay')
         self._image_input = ImageInput.declared(self)
-        self._join = ExactJoin(('image', 'detections'), WAITING, REORDER_S)
+        self._join = ExactJoin(('image', 'detections'), WAITING, REORDER_S, size_of)
         self._markers = MarkerWriter(float(declare_simple(
             self, 'box_distance_m', 0.0, 'distance at which ~/markers has boxes too, 0 = none', 0.0, 1000.0)),
             self._image_input.rectified)
-        self._decoder, self._drops, self._inputs = ImageDecoder(), 0, tuple[Topic, ...]()
+        self._decoder, self._inputs = ImageDecoder(), tuple[Topic, ...]()
         self.every(DEMAND_PERIOD_S, self._follow_demand)
 
     def open(self) -> None:
@@ -119,9 +119,10 @@ class OverlayNode(ManagedNode):
 
     def _join_with(self, name: str, msg: Any) -> None:
         messages = self._join.add(name, stamp_ns(msg.header), msg)
-        self.stats.count_dropped(self._join.dropped - self._drops)
+        unanswered = sum('detections' not in items for items in self._join.given_up)  # the detector says why
+        self.stats.count_left_out(unanswered)
+        self.stats.count_dropped(len(self._join.given_up) - unanswered)
         self.stats.count_dropped(name == 'image' and not self._join.verdict.usable)
-        self._drops = self._join.dropped
         if messages:
             self._show(lambda: self._draw(*messages), messages[0])
 

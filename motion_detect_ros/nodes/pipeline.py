@@ -6,12 +6,11 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
-from motion_detect_ros.bridge.diagnostics import tuned_pairs
+from motion_detect_ros.bridge.diagnostics import tuned_pairs, unused_for
 from motion_detect_ros.bridge.gyro import Sink
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.load_watch import LoadWatch, SteppedNode
 from motion_detect_ros.bridge.runner import main_of
-from motion_detect_ros.bridge.stage_node import unused_for
 from motion_detect_ros.bridge.topics import EGO_MOTION, FLOW, DetectionPublisher, TopicPublisher
 from motion_detect_ros.bridge.track_ids import declare_first_id
 from motion_detect_ros.core.pipeline import MotionPipeline
@@ -68,6 +67,10 @@ class PipelineNode(SteppedNode):
     def use_camera(self, camera: CameraModel | None) -> None:
         """Hand the calibration on."""
         self._pipeline.use_camera(camera)
+
+    def clock_jumped(self) -> None:
+        """The pipeline starts anew."""
+        self._pipeline.clock_jumped()
 
     def gyro_sink(self) -> Sink:
         """The pipeline."""

@@ -5,11 +5,12 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from motion_detect_ros.bridge.sync import ExactJoin
+from motion_detect_ros.bridge.sync import MOST_SETS, ROOM_BYTES, ExactJoin, size_of
 from motion_detect_ros.bridge.worker import Worker
 from motion_detect_ros.core.stamp_order import Verdict
 
@@ -136,6 +137,42 @@ def test_memory_is_bounded_and_nothing_is_lost_uncounted(inputs, capacity):
             assert items == (('a', stamp), ('b', stamp), ('c', stamp))
             complete.append(stamp)
     assert len(complete) + join.dropped + len(join._waiting) >= len(started)
+
+
+@dataclass
+class Picture:
+    data: bytes
+
+
+def test_pictures_wait_for_a_stage_that_takes_long_while_there_is_room():
+    """60 Hz, and the flow of every 30th picture comes half a second later; twelve sets may wait whatever their size."""
+    join, joined = ExactJoin(('image', 'flow'), 12, size=size_of), []
+    for index in range(300):
+        join.add('image', index, Picture(bytes(1 << 20)))
+        if index >= 30 and index % 30 == 0:
+            joined.append(join.add('flow', index - 30, Picture(b'')))
+    assert len(joined) == 9 and all(joined)
+    assert join.dropped == 240 - 8  # what lies before the last set that is complete, the other complete ones aside
+
+
+def test_of_large_pictures_no_more_wait_than_there_is_room_for():
+    join, count = ExactJoin(('image', 'flow'), 3, size=size_of), 20
+    for index in range(count):
+        join.add('image', index, Picture(bytes(ROOM_BYTES // 8)))
+    assert len(join._waiting) == 8
+    assert join.add('flow', 12, Picture(b'')) is not None
+    for index in range(count, 2 * count):
+        join.add('image', index, Picture(bytes(ROOM_BYTES)))
+    assert len(join._waiting) == 3
+    assert join.dropped == 2 * count - 3 - 1
+
+
+def test_small_pictures_are_counted():
+    join = ExactJoin(('image', 'flow'), 3, size=size_of)
+    for index in range(MOST_SETS + 50):
+        join.add('image', index, Picture(b'1'))
+    assert (len(join._waiting), join.dropped) == (MOST_SETS, 50)
+    assert next(iter(join._waiting)) == 50
 
 
 def test_worker_keeps_the_newest_and_counts_the_rest():

@@ -15,11 +15,14 @@ from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from peers import TIMEOUT_S, Peer, picture, small
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
 from motion_detect_ros.bridge.managed_node import ManagedNode
 from motion_detect_ros.cli.domains import own_domain
+from motion_detect_ros.nodes.camera import CameraNode
+from motion_detect_ros.nodes.pipeline import PipelineNode
 
 pytestmark = pytest.mark.messages
 
@@ -172,3 +175,17 @@ def test_configure_of_a_node_that_started_by_itself_is_refused_with_a_reason(pee
     assert (managed.state, process.poll()) == (ACTIVE, None)
     printed = (tmp_path / 'overlay.log').read_text()
     assert 'change_state refused: expected deactivate (4), shutdown (7) in state active, got 1' in printed
+
+
+def test_nothing_is_left_of_a_configuration_that_failed(here):
+    node = here(PipelineNode, 'autostart:=false', 'qos_overrides./detections.publisher.depth:=0')
+    for _ in range(2):
+        assert node.trigger_configure() == TransitionCallbackReturn.FAILURE
+        assert [node.count_publishers(name) for name in ('ego_motion', 'flow', 'detections')] == [0, 0, 0]
+
+
+def test_what_could_not_be_activated_publishes_nothing(here, tmp_path):
+    node = here(CameraNode, 'autostart:=false', f'source:={tmp_path / "none.mp4"}')
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert node.trigger_activate() == TransitionCallbackReturn.FAILURE
+    assert node._publishers_made and not any(publisher.is_activated for publisher in node._publishers_made)

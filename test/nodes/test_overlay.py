@@ -8,9 +8,10 @@ from peers import image_message, picture, ready
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray
 
-from motion_detect_ros.bridge.images import flow_to_msg, header_of, image_from_msg, stamp_ns
+from motion_detect_ros.bridge.images import flow_to_msg, header_of, image_from_msg, image_to_msg, stamp_ns
 from motion_detect_ros.bridge.records import detections_to_msg
 from motion_detect_ros.core.types import FlowField, empty_detections
+from motion_detect_ros.nodes.overlay import OverlayNode
 
 
 def seen(stamp: int, *ids: int, bearing: float = 1.0) -> PointCloud2:
@@ -71,3 +72,16 @@ def test_flow_is_drawn_where_it_was_measured(peer, start):
     publish(3, 3.0)
     assert peer.until(lambda: len(drawn) == 2)
     assert [stamp_ns(message.header) for message in drawn] == [1, 3]
+
+
+def test_images_that_the_detector_leaves_out_are_not_dropped_by_the_overlay(here):
+    """One of three is answered; of one the image is lost instead."""
+    node = here(OverlayNode)
+    for index in range(30):
+        stamp = (index + 1) * 10**8
+        if index != 15:
+            node._join_with('image', image_to_msg(picture(0), header_of(stamp, 'front')))
+        if index % 3 == 0:
+            node._join_with('detections', seen(stamp))
+    summary = node.stats.summary(1)
+    assert (summary.left_out, summary.dropped, summary.errors) == (18, 1, 0)

@@ -153,3 +153,19 @@ def test_a_negative_stamp_or_one_beyond_2038_costs_its_image_only_in_every_node(
     assert [ego_from_msg(message).status for message in egos][1:] == [EgoStatus.OK] * 5
     shown('a negative stamp, and one beyond 2038', 'cost their images only, in every node',
           f'{graph}: 6 of 8 answered')
+
+
+@pytest.mark.parametrize('node', ['pipeline', 'ego_motion'])
+def test_a_jump_back_that_an_image_left_out_tells_is_one_for_the_next(node, peer, start):
+    """Of every four images one is used. Before the seventh the clock goes back by 0.3 s: the ninth comes 0.4 s after
+    the fifth and has a stamp of 0.1 s after it.
+    """
+    start(node, *small('load.decimation_of:=4', 'reorder_s:=0.1'))
+    egos = peer.subscribe(PointCloud2, 'ego_motion')
+    publisher = peer.advertise(Image, 'image_raw')
+    assert ready(peer, 'image_raw')
+    for index in range(13):
+        publisher.publish(image(index, (index + 1 - (3 if index >= 6 else 0)) * PERIOD_NS))
+        assert index % 4 or peer.until(lambda count=index // 4 + 1: len(egos) == count)
+    assert [ego_from_msg(message).status for message in egos] == [
+        EgoStatus.FIRST_FRAME, EgoStatus.OK, EgoStatus.TIME_JUMP, EgoStatus.OK]

@@ -33,7 +33,7 @@ from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.pipeline import Measured, MotionPipeline
 from motion_detect_ros.core.self_tuning import Tuned
 from motion_detect_ros.core.settings import settings
-from motion_detect_ros.core.stamp_order import StampOrder
+from motion_detect_ros.core.stamp_order import StampOrder, Verdict
 from motion_detect_ros.core.threads import use
 from motion_detect_ros.core.types import ByteArray, Result
 from motion_detect_ros.report.make import report_after_replay
@@ -156,18 +156,20 @@ def _gyro(source: FrameSource, config: PipelineConfig) -> GyroReplay | None:
 
 @dataclass(frozen=True)
 class TimedFrame:
-    """A frame, and what reading and decoding it took."""
+    """A frame, and what reading and decoding it took; jumped: it is the first of another run of the clock."""
 
     frame: SourceFrame
     decode_ms: float
+    jumped: bool = False
 
 
 def _in_order(frames: Iterable[TimedFrame], tally: Tally) -> Iterator[TimedFrame]:
     """Without those whose stamps were seen already or are late."""
     order = StampOrder()
     for timed in frames:
-        if order.judge(timed.frame.stamp_ns).usable:
-            yield timed
+        verdict = order.judge(timed.frame.stamp_ns)
+        if verdict.usable:
+            yield replace(timed, jumped=verdict == Verdict.JUMP)
         else:
             tally.misstamped_frames += 1
 
@@ -177,6 +179,8 @@ def _measured(
 ) -> Iterator[tuple[TimedFrame, Measured | None]]:
     """Each frame that is processed and the first half of its result, None for one that the core refuses."""
     for timed in frames:
+        if timed.jumped:
+            pipeline.clock_jumped()
         if not decimation.keep_next():
             continue
         frame = timed.frame

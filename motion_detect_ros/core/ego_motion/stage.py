@@ -41,6 +41,7 @@ class EgoMotionStage:
         self._relative_pose = RelativePoseEstimator(config.background.focal_share)
         self._previous: PreparedFrame | None = None
         self._passed_over: PreparedFrame | None = None
+        self._jumped = False
 
     def use_config(self, config: PipelineConfig) -> None:
         """Settings from the next frame on that keep history (``core.reconfiguration``). Raises: BackendError."""
@@ -73,6 +74,10 @@ class EgoMotionStage:
         """
         self._gyro.add(stamp_ns, rate)
 
+    def clock_jumped(self) -> None:
+        """The next frame is of another run of the clock, whatever its stamp: its status is TIME_JUMP."""
+        self._jumped = True
+
     def look_ahead(self) -> None:
         """Do in a thread what the next frame needs of the last one; without it, the next frame does."""
         if self._previous is not None and isinstance(self._method, IndirectMethod):
@@ -85,6 +90,9 @@ class EgoMotionStage:
         is damaged or covered for a moment costs only itself. Where the gyroscope tells the motion, that is a motion.
         """
         status = self._continuity(self._passed_over or self._previous, frame)
+        jumped, self._jumped = self._jumped, False
+        if jumped and status == EgoStatus.OK:
+            status = EgoStatus.TIME_JUMP
         if status != EgoStatus.OK:
             self._start_at(frame)
             return no_estimate(status, frame.stamp_ns, frame.stamp_ns)

@@ -39,7 +39,7 @@ def inverts(found: DoubleArray, points: FloatArray | DoubleArray, camera: Camera
     It is not beyond the angle from which on a calibrated polynomial turns back, nor at 90 degrees and more from the
     axis, where a point on the image plane does not exist.
     """
-    known = np.isfinite(found).all(axis=1)
+    known = np.isfinite(found[:, 0]) & np.isfinite(found[:, 1])
     off = np.abs(distorted(np.where(known[:, None], found, 0.0), camera) - np.asarray(points, np.float64))
     fits: BoolArray = known & (off.max(axis=1, initial=0.0) <= MAX_OFF_PX)
     return fits
