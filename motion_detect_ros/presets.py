@@ -82,6 +82,14 @@ def node_parameters(name_or_path: str | Path) -> dict[str, Any]:
         raise ConfigError(f'{path.name}: {error}') from None
 
 
+def are_rectified(of_nodes: Mapping[str, Any]) -> bool:
+    """Whether ``node_parameters`` call the images rectified. Raises: ConfigError for neither true nor false."""
+    rectified = of_nodes.get('rectified', False)
+    if not isinstance(rectified, bool):
+        raise ConfigError(f'rectified: expected true or false, got {rectified!r}')
+    return rectified
+
+
 def read_parameters(path: Path, wanted: Callable[[str], bool] = lambda name: True) -> dict[str, Any]:
     """Dotted parameter names and values of a ROS parameter file (``/**: ros__parameters:``), of all nodes together.
 

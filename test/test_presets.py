@@ -12,6 +12,7 @@ from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.core.settings import settings, with_settings
 from motion_detect_ros.presets import (
     NODE_PARAMETERS,
+    are_rectified,
     find_config,
     load_preset,
     node_parameters,
@@ -150,3 +151,20 @@ def test_an_empty_file_says_nothing_about_a_node(tmp_path: Path):
     path = tmp_path / 'empty.yaml'
     path.touch()
     assert value_for(path, '/camera', 'source') is None
+
+
+@pytest.mark.parametrize(('value', 'meant'), [('true', True), ('false', False)])
+def test_rectified_is_true_or_false(tmp_path: Path, value: str, meant: bool) -> None:
+    path = tmp_path / 'mine.yaml'
+    path.write_text(f'/**: {{ros__parameters: {{rectified: {value}}}}}')
+    assert are_rectified(node_parameters(path)) is meant
+    assert are_rectified({}) is False
+
+
+@pytest.mark.parametrize(('value', 'shown'), [('"true"', "'true'"), ('1', '1'), ('yess', "'yess'")])
+def test_rectified_of_another_type_is_refused(tmp_path: Path, value: str, shown: str) -> None:
+    """The node would refuse it too; taken for false, the calibration would be another one without a word."""
+    path = tmp_path / 'mine.yaml'
+    path.write_text(f'/**: {{ros__parameters: {{rectified: {value}}}}}')
+    with pytest.raises(ConfigError, match=f'rectified: expected true or false, got {shown}'):
+        are_rectified(node_parameters(path))

@@ -75,7 +75,8 @@ def run(arguments: argparse.Namespace) -> int:
     source = _open(kind, arguments.input, fps)
     truth = truth_of_input(annotations, arguments.input) if annotations else None
     count = convert(source, arguments.output, getattr(arguments, 'compressed', False), truth)
-    bad = f', {source.bad_frames} unreadable frames left out' if source.bad_frames else ''
+    bad = (f', {source.bad_frames} unreadable frames left out, the first one, {source.bad_reason}' if source.bad_frames
+           else '')
     print(f'{arguments.output}: {count} frames{bad}' + (f'; {source.damaged}' if source.damaged else ''))
     if not count:
         return NOTHING

@@ -14,6 +14,7 @@ import numpy as np
 from motion_detect_ros.core.types import NANOSECONDS, DoubleArray
 from motion_detect_ros.sources.bags import BagReader
 from motion_detect_ros.sources.raw import LOST, printable
+from motion_detect_ros.sources.timeline import timeline
 
 #: An interval this many times the median one is a gap.
 GAP_FACTOR = 2.5
@@ -36,10 +37,11 @@ class TopicReport:
 
 @dataclass(frozen=True)
 class BagReport:
-    """A whole bag, read from front to back."""
+    """A whole bag, read from front to back. ``clock_jumps`` are no time that passed, as for the player."""
 
     path: str
     duration_s: float
+    clock_jumps: int
     damaged: str | None
     topics: tuple[TopicReport, ...]
 
@@ -60,16 +62,19 @@ def run(arguments: argparse.Namespace) -> int:
 def inspect_bag(path: Path) -> BagReport:
     """Read every message of a bag. Raises: SourceError where it is no bag."""
     stamps: defaultdict[tuple[str, ...], list[int]] = defaultdict(list)
+    jumps = 0
     with BagReader(path) as bag:
-        for message in bag.messages():
+        for timed in timeline(bag.messages()):
+            message, jumps = timed.message, jumps + bool(timed.jump_ns)
             if message.data != LOST:
-                stamps[message.topic, message.msgtype, message.encoding].append(message.log_stamp_ns)
+                late_ns = 0 if timed.jump_ns else timed.clock_ns - message.log_stamp_ns
+                stamps[message.topic, message.msgtype, message.encoding].append(timed.position_ns - late_ns)
         topics = tuple(_topic_report(t.name, t.form, t.count, stamps[t.name, t.msgtype, t.encoding])
                        for t in bag.topics)
         damaged = bag.damaged
     everything = [stamp for times in stamps.values() for stamp in times]
     duration_ns = max(everything) - min(everything) if everything else 0
-    return BagReport(str(path), duration_ns / NANOSECONDS, damaged, topics)
+    return BagReport(str(path), duration_ns / NANOSECONDS, jumps, damaged, topics)
 
 
 def _topic_report(name: str, msgtype: str, announced: int, stamps_ns: list[int]) -> TopicReport:
@@ -85,8 +90,9 @@ def _topic_report(name: str, msgtype: str, announced: int, stamps_ns: list[int])
 
 def _as_table(report: BagReport) -> str:
     total = sum(topic.count for topic in report.topics)
+    jumps = f'its clock jumps {report.clock_jumps} times, which is no time that passed'
     lines = [f'{report.path}: {total} readable messages, {report.duration_s:.3f} s',
-             f'damaged: {report.damaged}' if report.damaged else 'intact',
+             f'damaged: {report.damaged}' if report.damaged else 'intact', *([jumps] if report.clock_jumps else []),
              f'{"topic":32s} {"type":34s} {"messages":>9s} {"rate Hz":>8s} {"gaps":>5s} {"longest s":>9s}']
     lines += [f'{printable(t.name):32s} {printable(t.msgtype):34s} {_count(t):>9s} {t.rate_hz:8.2f} {t.gaps:5d} '
               f'{t.longest_gap_s:9.3f}' for t in report.topics]

@@ -23,7 +23,7 @@ from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError, SourceError
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.core.threads import use
-from motion_detect_ros.presets import load_preset, node_parameters, write_preset
+from motion_detect_ros.presets import are_rectified, load_preset, node_parameters, write_preset
 from motion_detect_ros.results.clips import truth_of_clips
 from motion_detect_ros.results.files import write_whole
 from motion_detect_ros.results.metrics import COUNTINGS
@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     of_nodes = node_parameters(arguments.preset)
     if start.imu.use:
         raise ConfigError(f'{arguments.preset}: imu.use: expected false, as tune uses the pictures only, got true')
-    recordings = _recordings(arguments, of_nodes.get('rectified') is True)
+    recordings = _recordings(arguments, are_rectified(of_nodes))
     use(start.load.threads)
     _check_outputs(arguments)
     _make_folder(arguments.output)

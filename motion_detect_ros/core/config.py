@@ -135,8 +135,8 @@ class OpticalFlowConfig:
     grid_px: int = setting(4, 'cell size of the flow grid, working-resolution pixels', low=1, high=32, unit='px')
     forward_backward_px: float = setting(0.7, 'largest accepted forward-backward error', low=0.05, high=20.0, unit='px')
     full_every: int = setting(
-        1, 'flow of the whole image in every such frame, in between only around the last moving cells',
-        low=1, high=100, unit='frames')
+        1, 'flow of the whole image in every such frame, in between only around the last moving cells; only with '
+        'every_s 0', low=1, high=100, unit='frames')
 
     def __post_init__(self) -> None:
         if self.method == 'onnx' and not self.onnx_model:

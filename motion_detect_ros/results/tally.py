@@ -21,6 +21,7 @@ class Tally:
 
     frames: int = 0
     bad_frames: int = 0
+    bad_reason: str = ''
     misstamped_frames: int = 0
     calibrated: bool = False
     detections: int = 0

@@ -52,7 +52,7 @@ class BagFrames:
         self.camera = camera_of(self.camera_info, rectified) if self.camera_info is not None else None
         self.complaints: tuple[str, ...] = ()
         self._rectified = rectified
-        self.bad_frames = self.frames_passed = 0
+        self.bad_frames, self.bad_reason, self.frames_passed = 0, '', 0
         self._window = window
 
     @property
@@ -67,7 +67,7 @@ class BagFrames:
 
     def __iter__(self) -> Iterator[SourceFrame]:
         """Frames in order; a malformed message costs itself only and is counted in ``bad_frames``."""
-        self.bad_frames = self.frames_passed = 0
+        self.bad_frames, self.bad_reason, self.frames_passed = 0, '', 0
         decoder, selection, calibration = ImageDecoder(), Selection(self._window), Calibration(self._rectified)
         if self.camera_info is not None:
             calibration.note(self.camera_info)
@@ -80,8 +80,9 @@ class BagFrames:
                 continue
             try:
                 image, stamp_ns = decode_message(message, decoder)
-            except MotionDetectError:
+            except MotionDetectError as error:
                 self.bad_frames += 1
+                self.bad_reason = self.bad_reason or f'frame {index}: {error}'
                 continue
             yield SourceFrame(index, image, stamp_ns, self._camera_of(image, stamp_ns, calibration))
 

@@ -63,6 +63,10 @@ class FrameSource(Protocol):
         """Unreadable frames skipped since iteration last began."""
 
     @property
+    def bad_reason(self) -> str:
+        """Number of the first of them, and what is wrong with it; empty for none."""
+
+    @property
     def frames_passed(self) -> int:
         """Frames come by since iteration last began: unreadable and left-out ones too, none after the window's end."""
 

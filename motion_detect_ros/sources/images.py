@@ -92,10 +92,18 @@ def _has_all_chunks(png: bytes) -> bool:
 
 
 def image_files(folder: Path) -> list[Path]:
-    """The picture files of a folder (not of its sub-folders), ``2.png`` before ``10.png``; no hidden ones."""
+    """The picture files of a folder (not of its sub-folders), ``2.png`` before ``10.png``; no hidden ones. A link to
+    what is not there (git-annex, a disk that is not mounted) is one that cannot be read.
+    """
     files = [file for file in folder.iterdir()
-             if file.suffix.lower() in IMAGE_SUFFIXES and not file.name.startswith('.') and file.is_file()]
+             if file.suffix.lower() in IMAGE_SUFFIXES and not file.name.startswith('.')
+             and (file.is_file() or leads_nowhere(file))]
     return sorted(files, key=lambda file: natural_key(file.name))
+
+
+def leads_nowhere(path: Path) -> bool:
+    """Whether it is a link to what is not there. Raises: OSError."""
+    return path.is_symlink() and not path.exists()
 
 
 def natural_key(name: str) -> tuple[tuple[int, str], ...]:
@@ -125,7 +133,7 @@ class ImageSequence:
         self.stamps_ns = tuple(stamps_ns)
         self.name = name
         self.camera = camera
-        self.bad_frames = self.frames_passed = 0
+        self.bad_frames, self.bad_reason, self.frames_passed = 0, '', 0
         self._window = window
 
     @property
@@ -138,7 +146,7 @@ class ImageSequence:
 
         Raises: SourceError where the folder of a file has gone.
         """
-        self.bad_frames = self.frames_passed = 0
+        self.bad_frames, self.bad_reason, self.frames_passed = 0, '', 0
         decoder, selection = ImageDecoder(), Selection(self._window)
         for index, (file, stamp_ns) in enumerate(zip(self.files, self.stamps_ns, strict=True)):
             choice = selection.judge(index, stamp_ns)
@@ -149,10 +157,11 @@ class ImageSequence:
                 continue
             try:
                 image = decode_image(file.read_bytes(), str(file), decoder)
-            except (SourceError, OSError):
+            except (SourceError, OSError) as error:
                 if not file.parent.is_dir():
                     raise SourceError(f'{file.parent}: the folder has gone while it was read') from None
                 self.bad_frames += 1
+                self.bad_reason = self.bad_reason or f'frame {index}: {error}'
                 continue
             yield SourceFrame(index, image, stamp_ns, self.camera)
 

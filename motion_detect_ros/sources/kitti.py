@@ -96,6 +96,11 @@ class KittiDrive:
         return self.images.frame_count
 
     @property
+    def bad_reason(self) -> str:
+        """As of the pictures."""
+        return self.images.bad_reason
+
+    @property
     def bad_frames(self) -> int:
         """Unreadable pictures met in the last iteration."""
         return self.images.bad_frames

@@ -11,7 +11,7 @@ from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.sources.bag_reader import BAG_SUFFIXES
 from motion_detect_ros.sources.bags import BagFrames, is_bag
 from motion_detect_ros.sources.frames import DEFAULT_FPS, FrameSource, describe_folder, describe_special
-from motion_detect_ros.sources.images import image_files, image_folder
+from motion_detect_ros.sources.images import image_files, image_folder, leads_nowhere
 from motion_detect_ros.sources.kitti import KittiDrive, is_kitti_drive
 from motion_detect_ros.sources.video import VIDEO_SUFFIXES, VideoFile
 from motion_detect_ros.sources.window import WHOLE, Window
@@ -80,9 +80,13 @@ def _has_stamps(path: Path) -> bool:
 
 
 def looks_like_source(path: Path) -> bool:
-    """Whether ``open_source`` would try: by the name of a file or its first bytes, by what is in a folder."""
+    """Whether ``open_source`` would try: by the name of a file or its first bytes, by what is in a folder; of
+    a link to what is not there by its name.
+    """
     if path.is_dir():
         return is_bag(path) or is_kitti_drive(path) or bool(image_files(path))
+    if leads_nowhere(path):
+        return path.suffix.lower() in {*BAG_SUFFIXES, *VIDEO_SUFFIXES}
     return path.is_file() and (path.suffix.lower() in VIDEO_SUFFIXES or is_bag(path))
 
 

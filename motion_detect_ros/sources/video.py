@@ -69,6 +69,7 @@ class VideoFile:
 
     camera = None
     bad_frames = frames_passed = 0
+    bad_reason = ''
 
     def __init__(self, path: Path, fps: float | None = None, window: Window = WHOLE) -> None:
         """fps: frames/s to use instead of the container's times. Raises: SourceError for no readable video."""

@@ -13,6 +13,7 @@ import pytest
 from motion_detect_ros.__main__ import main
 from motion_detect_ros.cli.inspect import inspect_bag
 from motion_detect_ros.results.error_pictures import FALSE_BGR, MISSED_BGR
+from motion_detect_ros.sources import messages
 from motion_detect_ros.sources.bags import BagWriter
 
 
@@ -139,6 +140,24 @@ def test_inspect_finds_rates_and_gaps(tmp_path: Path) -> None:
     assert (topic.gaps, topic.longest_gap_s) == (1, pytest.approx(0.55))
     assert report.duration_s == pytest.approx(1.45)
     assert report.damaged is None
+
+
+@pytest.mark.parametrize('step_s', [-3600.0, -2.0, 1e6])
+def test_inspect_of_a_clock_that_was_set(tmp_path: Path, step_s: float, capsys: pytest.CaptureFixture[str]) -> None:
+    """25 Hz throughout; what the clock of the recorder shows in the second half is another time."""
+    path = tmp_path / 'a.mcap'
+    with BagWriter(path, chunk_bytes=100) as writer:
+        for tick in range(40):
+            stamp_ns = 10**18 + tick * 40_000_000
+            writer.write('/image_raw', messages.image(np.zeros((8, 8), np.uint8), stamp_ns, 'camera'),
+                         stamp_ns + (round(step_s * 1e9) if tick >= 20 else 0))
+    report = inspect_bag(path)
+    topic, = report.topics
+    assert (topic.rate_hz, topic.gaps) == (pytest.approx(25.0), 0)
+    assert report.duration_s == pytest.approx(39 * 0.04, abs=0.05)
+    assert report.clock_jumps == 1
+    assert main(['inspect', str(path)]) == 0
+    assert 'its clock jumps 1 times' in capsys.readouterr().out
 
 
 def test_inspect_of_coarse_times_of_recording(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from motion_detect_ros.cli.batch.listing import LIST_NAME
 from motion_detect_ros.cli.demo_files import RECORD_NAME, VIDEO
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.results.files import BAG_NAME, SUMMARY_NAME
@@ -82,7 +83,7 @@ def size_of(path: str) -> int | None:
         if Path(path).is_file():
             return Path(path).stat().st_size
         files = [each for each in Path(path).rglob('*') if each.is_file()]
-        results = {file.parent for file in files if file.name in (SUMMARY_NAME, STORAGE_NAME)} - {Path(path)}
+        results = {file.parent for file in files if file.name in (SUMMARY_NAME, STORAGE_NAME, LIST_NAME)} - {Path(path)}
         sizes = [file.stat().st_size for file in files if results.isdisjoint(file.parents)]
         return sum(sizes) if sizes else None
     except OSError:

@@ -80,7 +80,8 @@ def outcome_of(job: Job, summary: Summary) -> Outcome:
     if not summary.frames:
         asked = job.start_s is not None or job.duration_s is not None
         return Outcome(NOTHING, line + (f'; nothing {job.window}' if asked else ''))
-    return Outcome(PARTIAL if summary.bad_frames or summary.damaged else OK, line)
+    most_left_out = summary.misstamped_frames > summary.frames  # more than pictures that come twice
+    return Outcome(PARTIAL if summary.bad_frames or summary.damaged or most_left_out else OK, line)
 
 
 def replay(job: Job, watch: Watch = lambda done, total: None) -> Summary:
@@ -137,6 +138,7 @@ def _process(
             tally.calibrated |= done.calibrated
             if done.result is None:
                 tally.bad_frames += 1
+                tally.bad_reason = tally.bad_reason or f'frame {done.index}: {done.refused}'
             else:
                 outputs.write(done.index, done.decode_ms, done.result, done.image)
                 tally.add(done.result, done.tuned)
@@ -176,8 +178,8 @@ def _in_order(frames: Iterable[TimedFrame], tally: Tally) -> Iterator[TimedFrame
 
 def _measured(
     pipeline: MotionPipeline, frames: Iterable[TimedFrame], gyro: GyroReplay | None, decimation: FrameDecimation,
-) -> Iterator[tuple[TimedFrame, Measured | None]]:
-    """Each frame that is processed and the first half of its result, None for one that the core refuses."""
+) -> Iterator[tuple[TimedFrame, Measured | FrameError]]:
+    """Each frame that is processed and the first half of its result, or why the core refuses it."""
     for timed in frames:
         if timed.jumped:
             pipeline.clock_jumped()
@@ -189,14 +191,14 @@ def _measured(
         pipeline.use_camera(frame.camera)
         try:
             yield timed, pipeline.measure(frame.image, frame.stamp_ns)
-        except FrameError:  # a picture of another size or type costs that picture only
-            yield timed, None
+        except FrameError as error:  # a picture of another size or type costs that picture only
+            yield timed, error
 
 
 @dataclass(frozen=True)
 class DoneFrame:
-    """What is written of a frame. ``result``: None where the core refused it; ``tuned``: settings in use by then;
-    ``calibrated``: whether the calibration of the image is known.
+    """What is written of a frame. ``result``: None where the core refused it, ``refused`` says why; ``tuned``: settings
+    in use by then; ``calibrated``: whether the calibration of the image is known.
     """
 
     index: int
@@ -205,17 +207,19 @@ class DoneFrame:
     result: Result | None
     tuned: Tuned
     calibrated: bool
+    refused: str
 
 
 def _detected(
-    pipeline: MotionPipeline, measured: Iterable[tuple[TimedFrame, Measured | None]], overlay: bool,
+    pipeline: MotionPipeline, measured: Iterable[tuple[TimedFrame, Measured | FrameError]], overlay: bool,
 ) -> Iterator[DoneFrame]:
     """These frames, through the second half; with their images for an overlay."""
     for timed, motion in measured:
-        result = None if motion is None else pipeline.detect(motion)
+        refused = str(motion) if isinstance(motion, FrameError) else ''
+        result = None if isinstance(motion, FrameError) else pipeline.detect(motion)
         image = timed.frame.image if overlay else None
         yield DoneFrame(timed.frame.index, timed.decode_ms, image, result, pipeline.tuned,
-                        timed.frame.camera is not None)
+                        timed.frame.camera is not None, refused)
 
 
 def _timed(source: FrameSource, path: str, tally: Tally) -> Iterator[TimedFrame]:
@@ -250,6 +254,7 @@ def _make_folder(folder: Path) -> None:
 def _summarize(
     job: Job, input_bytes: int | None, source: FrameSource, pipeline: MotionPipeline, tally: Tally, complete: bool,
 ) -> Summary:
+    reason = source.bad_reason or tally.bad_reason
     return Summary(
         input=str(job.path), input_bytes=input_bytes, fps=job.fps, topic=job.topic, start_s=job.start_s,
         duration_s=job.duration_s, every=job.every, rectified=job.rectified, formats=list(job.formats),
@@ -260,4 +265,5 @@ def _summarize(
         calibrated=tally.calibrated, first_stamp_ns=tally.first_stamp_ns, last_stamp_ns=tally.last_stamp_ns,
         stage_ms=tally.stage_ms(), decode_ms=Percentiles.of(tally.decode_ms),
         settings={name: value for name, value, _ in settings(job.config)}, tuned=tally.tuned,
-        warnings=[*(source.complaints if isinstance(source, BagFrames) else ()), *pipeline.complaints])
+        warnings=[*([f'the first bad one, {reason}'] if reason else ()),
+                  *(source.complaints if isinstance(source, BagFrames) else ()), *pipeline.complaints])

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from motion_detect_ros.__main__ import main
-from motion_detect_ros.cli.batch.inputs import expand_inputs
+from motion_detect_ros.cli.batch.inputs import expand_inputs, size_of
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.sources.mcap_file import MAGIC
 from motion_detect_ros.sources.opening import open_source
@@ -216,3 +216,22 @@ def test_the_flight_of_a_demo_is_an_input_and_what_was_found_in_it_is_none(tmp_p
         paths = expand_inputs([word], tmp_path / 'out').paths
         assert [str(Path(path).relative_to(tmp_path)) for path in paths] == [
             'demo/flight.mcap', 'mine/demo.mp4', 'mine/detections.mcap']
+
+
+def test_links_to_what_is_not_there_are_inputs_that_fail(tree: Path):
+    """A disk that is not mounted: a batch may not end well without them."""
+    (tree / 'flights' / 'b3.mcap').symlink_to('/mnt/disk/b3.mcap')
+    (tree / 'flights' / 'b4.txt').symlink_to('/mnt/disk/b4.txt')
+    names = ['flights/b2.mcap', 'flights/b3.mcap', 'flights/b10.mcap']
+    assert expanded(tree, 'flights')[0][:3] == names
+    assert expanded(tree, 'flights/*.mcap') == (names, True)
+    with pytest.raises(SourceError, match='no such file'):
+        open_source(str(tree / 'flights' / 'b3.mcap'))
+
+
+def test_the_list_of_a_batch_is_no_part_of_an_input(tmp_path: Path):
+    """Of results inside of an input, the input has not changed."""
+    touch(tmp_path, 'p/0.png', 'p/1.png')
+    before = size_of(str(tmp_path / 'p'))
+    touch(tmp_path, 'p/out/replay.json', 'p/out/a/summary.json', 'p/out/a/detections.csv')
+    assert before == size_of(str(tmp_path / 'p')) == 8

@@ -98,6 +98,8 @@ def test_unreadable_frames_at_the_end_are_frames_of_the_source(
     summary = json.loads((tmp_path / 'out' / 'summary.json').read_text())
     assert (summary['source_frames'], summary['frames'], summary['bad_frames']) == (
         len(readable), len(readable) - bad, bad)
+    (warning,) = summary['warnings']
+    assert warning.startswith(f'the first bad one, frame {readable.index(False)}: ')
 
 
 @pytest.mark.parametrize(('window', 'expected'), [
@@ -120,6 +122,49 @@ def test_frames_left_out_at_the_end_are_frames_of_the_source(
     fps = 20.0 if kind == 'pictures' else None
     assert run_job(Job(str(source), tmp_path / 'out', PipelineConfig(), fps=fps, **window)).exit_code == 0
     assert json.loads((tmp_path / 'out' / 'summary.json').read_text())['source_frames'] == expected
+
+
+def test_a_link_to_a_picture_that_is_not_there_uses_its_number_up(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """As of git-annex before the content was fetched: the truth of a data set goes by the places of its pictures."""
+    source = pictures(tmp_path / 'p', 5)
+    (source / '2.png').unlink()
+    (source / '2.png').symlink_to(tmp_path / 'annex' / 'objects' / 'x')
+    assert main(['replay', str(source), '-o', str(tmp_path / 'out'), '--no-report']) == 3
+    line = capsys.readouterr().out
+    assert '4 frames' in line and '1 bad frames left out; the first bad one, frame 2: ' in line
+    summary = json.loads((tmp_path / 'out' / 'summary.json').read_text())
+    assert (summary['source_frames'], summary['frames'], summary['bad_frames']) == (5, 4, 1)
+    with (tmp_path / 'out' / 'frames.csv').open() as file:
+        assert [row['frame'] for row in csv.DictReader(file)] == ['0', '1', '3', '4']
+
+
+def test_why_no_frame_could_be_used_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """Of the source, and of the detector."""
+    with BagWriter(tmp_path / 'bayer.mcap') as bag:
+        for index in range(3):
+            message = messages.image(np.zeros((40, 60), np.uint8), 10**9 + index * 10**8, 'camera')
+            message.encoding = 'bayer_rggb16'
+            bag.write('/image_raw', message, 10**9 + index * 10**8)
+    with BagWriter(tmp_path / 'flat.mcap') as bag:
+        for index in range(3):
+            bag.write_image(np.zeros((3, 60), np.uint8), 10**9 + index * 10**8)
+    for name, reason in (('bayer', "got 'bayer_rggb16'"), ('flat', 'got 60x3')):
+        assert main(['replay', str(tmp_path / f'{name}.mcap'), '-o', str(tmp_path / name), '--no-report']) == 1
+        line = capsys.readouterr().out
+        assert '3 bad frames left out; the first bad one, frame 0: ' in line
+        assert reason in line
+
+
+def test_a_recording_most_of_whose_frames_cannot_be_used_for_their_stamps_is_not_done(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+):
+    """A driver that stamps nothing; pictures that all come twice are in order."""
+    for name, stamps, code in (('none', [0] * 6, 3), ('twice', [1, 1, 2, 2, 3, 3], 0)):
+        with BagWriter(tmp_path / f'{name}.mcap') as bag:
+            for index, stamp in enumerate(stamps):
+                bag.write('/image_raw', messages.image(TEXTURE, stamp * 10**8, 'camera'), 10**9 + index * 10**8)
+        assert main(['replay', str(tmp_path / f'{name}.mcap'), '-o', str(tmp_path / name), '--no-report']) == code
+        assert 'left out, their stamps were seen already' in capsys.readouterr().out
 
 
 def test_an_input_that_goes_before_it_is_begun_costs_itself_only(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
