@@ -5,6 +5,7 @@ Format: MCAP specification, https://mcap.dev/spec (chunks of records, each with 
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO
@@ -15,6 +16,7 @@ from mcap.summary import Summary
 from rosbags.typesys.msg import normalize_msgtype
 
 from motion_detect_ros.sources.mcap_losses import Losses
+from motion_detect_ros.sources.mcap_recovery import next_chunk
 from motion_detect_ros.sources.mcap_summary import Section, SummaryError, is_damage, read_summary, sections_of
 from motion_detect_ros.sources.messages import ROS1, from_ros1, ros1_encoding
 from motion_detect_ros.sources.raw import CDR, LOST, RawMessage, TopicInfo, merged
@@ -33,7 +35,7 @@ class McapFile:
 
     Messages come chunk by chunk in file order, sorted by log time within a chunk: what a recorder writes is in
     order of time then, and memory stays at one chunk. After bytes that make no sense it goes on with the next chunk
-    that the summary names; where there is none, that is the end.
+    that the summary names; where there is no summary, with the next bytes that look like one.
     """
 
     def __init__(self, path: Path) -> None:
@@ -87,16 +89,26 @@ class McapFile:
         """Nothing stays open between calls."""
 
     def _records(self, stream: IO[bytes]) -> Iterator[McapRecord]:
-        """Records of all sections, of each up to where it stops making sense."""
-        for section in sections_of(self._summary, self._path.stat().st_size):
-            stream.seek(section.start)
+        """Records of all sections, of each up to where it stops making sense, and from where it does again."""
+        size = self._path.stat().st_size
+        sections = deque(sections_of(self._summary, size))
+        while sections:
+            section = sections.popleft()
+            place = stream.seek(section.start)
             try:
-                yield from _records_of(stream, section)
+                for record in _records_of(stream, section):
+                    end = stream.tell()
+                    yield record
+                    if not (isinstance(record, Chunk) and self._losses.chunk_lost):  # else its length may be another
+                        place = end
             except Exception as error:
                 if not is_damage(error):
                     raise
                 if section.chunk:
                     self._losses.next_chunk(lost=True)
+                elif self._summary is None and (start := next_chunk(stream, place + 1, size)) is not None:
+                    self._losses.add_hole()
+                    sections.append(Section(start, size, chunk=False))
                 elif self._summary is None:
                     self._end_fault = self._end_fault or _CUT_OFF
                 elif stream.tell() <= section.end:  # else it has read on, into what is a section by itself

@@ -28,6 +28,11 @@ class Losses:
         """Bytes between chunks are unreadable."""
         self._places += 1
 
+    def add_hole(self) -> None:
+        """Bytes are unreadable, and nothing tells what messages were in them."""
+        self._places += 1
+        self._shifted = True
+
     def add_read(self) -> None:
         """A message of the wanted topics was read."""
         self._read += 1
@@ -54,7 +59,7 @@ class Losses:
         if self._chunks:
             yield f'{self._chunks} unreadable chunk(s) skipped'
         if self._places:
-            yield f'unreadable bytes in {self._places} place(s) between chunks'
+            yield f'unreadable bytes in {self._places} place(s)'
         if self._missing:
             yield f'{self._missing} of {self._announced} messages missing'
         if self._shifted:

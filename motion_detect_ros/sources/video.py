@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import cv2
@@ -22,6 +23,8 @@ VIDEO_SUFFIXES = frozenset({
     '.mjpg', '.mjpeg', '.h264', '.h265', '.hevc', '.y4m'})
 
 NANOSECONDS_PER_MS = 1_000_000
+#: A video is steady where this share of its pictures follow each other at the usual time: gaps mean something there.
+STEADY_SHARE = 0.7
 _LOG_LEVEL_SILENT = 0  # of OpenCV; its name exists in newer versions only
 _QUIET = '-8'  # AV_LOG_QUIET: FFmpeg prints to stderr what we say ourselves in one line
 
@@ -70,6 +73,7 @@ class VideoFile:
     camera = None
     bad_frames = frames_passed = 0
     bad_reason = ''
+    complaints: tuple[str, ...] = ()
 
     def __init__(self, path: Path, fps: float | None = None, window: Window = WHOLE) -> None:
         """fps: frames/s to use instead of the container's times. Raises: SourceError for no readable video."""
@@ -92,8 +96,10 @@ class VideoFile:
         self._window = window
 
     def __iter__(self) -> Iterator[SourceFrame]:
-        """Frames from the first; sets ``damaged`` where later ones than the last readable one follow."""
-        capture, selection = open_capture(self.path), Selection(self._window)
+        """Frames from the first; sets ``damaged`` where later ones than the last readable one follow, ``complaints``
+        where some between are missing.
+        """
+        capture, selection, steps_ms = open_capture(self.path), Selection(self._window), Counter[float]()
         index, previous_ns, last_ms, self.frames_passed = 0, FIRST_STAMP_NS - 1, 0.0, 0
         try:
             while capture.grab():
@@ -108,10 +114,14 @@ class VideoFile:
                         break
                     yield SourceFrame(index, image.astype(np.uint8, copy=False), stamp_ns)
                 index, previous_ns = index + 1, stamp_ns
-                last_ms = max(last_ms, capture.get(cv2.CAP_PROP_POS_MSEC))
+                now_ms = capture.get(cv2.CAP_PROP_POS_MSEC)
+                if index > 1:
+                    steps_ms[round(now_ms - last_ms, 1)] += 1
+                last_ms = max(last_ms, now_ms)
             if more_follows(capture, last_ms):
                 self.damaged = self.damaged or f'unreadable after {index} frames'
         finally:
+            self.complaints = tuple(_missing(steps_ms))
             capture.release()
 
     def _stamp(self, capture: cv2.VideoCapture, index: int, previous_ns: int) -> int:
@@ -124,3 +134,17 @@ class VideoFile:
         if not self._container_fps > 0:
             raise SourceError(f'{self.path}: no time stamps and no frame rate; give --fps')
         return previous_ns + round(NANOSECONDS / self._container_fps)
+
+
+def _missing(steps_ms: Mapping[float, int]) -> Iterator[str]:
+    """A complaint where an otherwise steady video lacks pictures. steps_ms: time between two -> how often."""
+    usual_ms = max(steps_ms, key=lambda step_ms: steps_ms[step_ms], default=0.0)
+    if usual_ms <= 0.0:
+        return
+    times = {step_ms: round(step_ms / usual_ms) for step_ms in steps_ms}
+    steady = sum(count for step_ms, count in steps_ms.items() if times[step_ms] == 1)
+    places = sum(count for step_ms, count in steps_ms.items() if times[step_ms] > 1)
+    if places and steady >= STEADY_SHARE * sum(steps_ms.values()):
+        missing = sum(count * (times[step_ms] - 1) for step_ms, count in steps_ms.items() if times[step_ms] > 1)
+        yield (f'{missing} pictures are missing in {places} place(s) by the times of the container, '
+               'numbers of the frames after them are too small')

@@ -19,7 +19,7 @@ from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.sources.bags import BagFrames, BagReader, BagWriter, is_bag
 from motion_detect_ros.sources.images import ImageSequence, decode_image, image_files, image_folder
 from motion_detect_ros.sources.opening import open_source, source_name
-from motion_detect_ros.sources.video import VideoFile
+from motion_detect_ros.sources.video import VideoFile, _missing
 from motion_detect_ros.sources.visdrone import visdrone_sequence
 
 #: tf2 takes stamp 0 for the latest there is: sources that tell no time begin a second later.
@@ -122,6 +122,31 @@ def test_video_stamps_are_those_of_the_container(tmp_path: Path) -> None:
     assert [frame.stamp_ns for frame in frames] == [START_NS + index * 100_000_000 for index in range(12)]
     # Lossy coding: the grey level within a few steps.
     assert all(abs(int(frame.image[24, 32, 1]) - 20 * frame.index) < 8 for frame in frames)
+
+
+def test_pictures_that_a_hole_in_a_video_took_are_told(tmp_path: Path) -> None:
+    """FFmpeg goes on behind the hole; each picture is a key frame here, as in what many drones record."""
+    path, random = tmp_path / 'v.mkv', np.random.default_rng(0)
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*'MJPG'), 25.0, (160, 120))
+    for _ in range(40):
+        writer.write(random.integers(0, 256, (120, 160, 3), np.uint8))
+    writer.release()
+    whole = open_source(path)
+    assert len(list(whole)) == 40 and isinstance(whole, VideoFile) and whole.complaints == ()
+    content = path.read_bytes()
+    middle, hole = len(content) // 2, len(content) // 10
+    path.write_bytes(content[:middle] + bytes(hole) + content[middle + hole:])
+    holey = open_source(path)
+    count = len(list(holey))
+    assert isinstance(holey, VideoFile) and 30 < count < 40
+    assert holey.complaints == (f'{40 - count} pictures are missing in 1 place(s) by the times of the container, '
+                                'numbers of the frames after them are too small',)
+
+
+@pytest.mark.parametrize('steps_ms', [
+    {40.0: 100}, {}, {33.3: 20, 33.4: 9}, {33.0: 10, 40.0: 9, 90.0: 8, 120.0: 3}, {0.0: 5}, {40.0: 50, 59.0: 3}])
+def test_nothing_is_missing_from_videos_that_are_whole_or_unsteady(steps_ms: dict[float, int]) -> None:
+    assert not list(_missing(steps_ms))
 
 
 @pytest.mark.parametrize('name', ['2024-05-01T12:00:00.mp4', 'http:a.mp4', 'file:a.mp4', 'clip%03d.mp4'])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from io import BytesIO
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, IndexType, Writer
 
 from motion_detect_ros.__main__ import main
-from motion_detect_ros.sources import messages
+from motion_detect_ros.sources import mcap_recovery, messages
 from motion_detect_ros.sources.bags import BagFrames, BagReader, BagWriter
 
 STAMP, PERIOD = 1_600_000_000_000_000_000, 100_000_000
@@ -190,3 +192,56 @@ def test_messages_of_several_topics_in_a_lost_chunk_keep_their_order_of_time(tmp
     with BagReader(path) as reader:
         given = [(message.topic, message.log_stamp_ns, message.data) for message in reader.messages()]
     assert given == [(f'/{index % 3}', STAMP + index * PERIOD, b'') for index in range(COUNT)]
+
+
+def without_summary(path: Path) -> list[ChunkIndex]:
+    """As a recorder leaves it that lost its power: cut inside the last chunk. Returns where the chunks were."""
+    found = chunks(path)
+    path.write_bytes(path.read_bytes()[:found[-1].chunk_start_offset + 100])
+    return found
+
+
+@pytest.mark.parametrize(('fault', 'compression'), [
+    ('zeros over its beginning', ''), *product(('length, byte 2', 'length, byte 7', 'zeros over all of it'),
+                                               ('', 'lz4', 'zstd'))])
+def test_of_a_recording_that_was_cut_off_what_follows_a_hole_is_read(bag: Path, fault: str, compression: str) -> None:
+    write_images(bag, chunk_size=1000, compression=CompressionType[compression.upper() or 'NONE'])
+    FAULTS[fault](bag, without_summary(bag)[2])
+    frames, source = read(bag)
+    assert [shown for _, shown in frames] == [0, 1, *range(3, COUNT - 1)]
+    assert source.damaged == (
+        'a.mcap: the end is missing (recording was cut off), unreadable bytes in 1 place(s), '
+        'numbers of the frames after them are too small')
+
+
+def test_several_holes_and_bytes_that_are_gone(bag: Path) -> None:
+    found = without_summary(bag)
+    FAULTS['zeros over its beginning'](bag, found[6])
+    content = bag.read_bytes()
+    bag.write_bytes(content[:found[1].chunk_start_offset + 50] + content[found[3].chunk_start_offset + 777:])
+    frames, source = read(bag)
+    assert [shown for _, shown in frames] == [0, 4, 5, 7, 8]
+    assert 'unreadable bytes in 2 place(s)' in str(source.damaged)
+
+
+def test_a_summary_that_is_damaged_too_loses_nothing_more(bag: Path) -> None:
+    FAULTS['zeros over its beginning'](bag, chunks(bag)[2])
+    overwrite(bag, len(bag.read_bytes()) - 60, flipped, 60)
+    frames, source = read(bag)
+    assert [shown for _, shown in frames] == [0, 1, *range(3, COUNT)]
+    assert 'unreadable bytes in 1 place(s)' in str(source.damaged)
+
+
+@pytest.mark.parametrize('shift', [0, 1, 20, 52, 53, 54])
+def test_a_chunk_is_found_wherever_it_lies_between_what_is_read_at_once(
+    shift: int, bag: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """And nothing that looks like one but does not fit the file."""
+    first = chunks(bag)[0]
+    whole = bag.read_bytes()[first.chunk_start_offset:first.chunk_start_offset + first.chunk_length]
+    monkeypatch.setattr(mcap_recovery, '_BLOCK_BYTES', 64)
+    noise = np.random.default_rng(shift).integers(0, 256, 64 + shift, np.uint8).tobytes()
+    for content, place in ((noise + whole, len(noise)), (noise + whole[:-1], None),
+                           (noise + b'\x06' + whole[:8] + whole, len(noise) + 9),
+                           (noise + whole[:1] + bytes(8) + whole[9:], None)):
+        assert mcap_recovery.next_chunk(BytesIO(content), 0, len(content)) == place

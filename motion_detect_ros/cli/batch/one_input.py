@@ -47,6 +47,7 @@ from motion_detect_ros.sources.bags import BagFrames
 from motion_detect_ros.sources.frames import FrameSource, SourceFrame
 from motion_detect_ros.sources.inertial import GyroReplay, InertialSource
 from motion_detect_ros.sources.opening import open_source
+from motion_detect_ros.sources.video import VideoFile
 
 
 def run_job(job: Job, watch: Watch = lambda done, total: None) -> Outcome:
@@ -266,4 +267,4 @@ def _summarize(
         stage_ms=tally.stage_ms(), decode_ms=Percentiles.of(tally.decode_ms),
         settings={name: value for name, value, _ in settings(job.config)}, tuned=tally.tuned,
         warnings=[*([f'the first bad one, {reason}'] if reason else ()),
-                  *(source.complaints if isinstance(source, BagFrames) else ()), *pipeline.complaints])
+                  *(source.complaints if isinstance(source, BagFrames | VideoFile) else ()), *pipeline.complaints])
