@@ -86,8 +86,18 @@ class BagWriter(PartFile):
     def finish_part(self) -> None:
         """Close the file properly under its part name."""
         if not self._stream.closed:
-            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._finish()
             self._stream.close()
+
+    def close(self) -> None:
+        """Give the file its name, before its lock ends: who waits for that would empty it."""
+        self._finish()
+        self.part_path.replace(self.path)
+        self._stream.close()
+
+    def _finish(self) -> None:
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._stream.flush()
 
     def _channel(self, topic: str, msgtype: str) -> int:
         """The channel of a topic, registered at its first message."""

@@ -16,6 +16,7 @@ from motion_detect_ros.cli.convert import convert
 from motion_detect_ros.sources.bag_writer import BagWriter
 from motion_detect_ros.sources.frames import FrameSource, SourceFrame
 from motion_detect_ros.sources.images import image_folder
+from motion_detect_ros.sources.part_file import locked_file
 from motion_detect_ros.sources.truth import load_truth, read_truth
 
 DRIVE = 'kitti/2011_09_26/2011_09_26_drive_0005_sync'
@@ -71,6 +72,22 @@ def test_a_bag_that_another_process_writes_is_left_to_it(
     assert len(contents(out)['/image_raw']) == 1
     assert main([*words, '--force']) == 0
     assert len(contents(out)['/image_raw']) == 5
+
+
+def test_a_bag_has_its_name_before_another_process_can_lock_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    replace, refused = Path.replace, list[Path]()
+
+    def replaced(part: Path, path: Path) -> Path:
+        with pytest.raises(BlockingIOError):
+            locked_file(part)
+        refused.append(part)
+        return replace(part, path)
+
+    monkeypatch.setattr(Path, 'replace', replaced)
+    with BagWriter(tmp_path / 'a.mcap') as bag:
+        bag.write_image(np.zeros((4, 4), np.uint8), 1)
+    assert refused == [tmp_path / 'a.mcap.part']
+    assert len(contents(tmp_path / 'a.mcap')['/image_raw']) == 1
 
 
 def test_compressed_keeps_the_files_byte_for_byte(sequence: Path, tmp_path: Path) -> None:

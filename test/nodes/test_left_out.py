@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from peers import picture
 
+from motion_detect_ros.bridge import sync
 from motion_detect_ros.bridge.images import flow_to_msg, header_of, image_to_msg
 from motion_detect_ros.bridge.records import ego_to_msg
 from motion_detect_ros.core.types import EgoMotion, EgoStatus, FlowField
@@ -68,8 +69,9 @@ def test_settings_leave_out_too(here: Any) -> None:
         assert counted(node) == (9, 0)
 
 
-def test_nothing_from_the_first_stage_for_long_is_no_purpose(here: Any) -> None:
+def test_nothing_from_the_first_stage_for_long_is_no_purpose(here: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """At 1 image of 3, so many without an ego-motion that the join gives up the oldest: a third of them is missing."""
+    monkeypatch.setattr(sync, 'ROOM_BYTES', 0)  # as of pictures that fill it
     node = here(OpticalFlowNode, 'load.adapt:=true', 'queue_size:=1')  # ten wait
     with node._busy:
         show(node, 0, 4)
