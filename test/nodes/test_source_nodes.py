@@ -383,7 +383,7 @@ def test_overlay_draws_only_while_someone_subscribes(peer, start):
     assert not changed[120:, :].any()
 
 
-def test_overlay_drops_what_never_gets_detections(peer, start):
+def test_overlay_leaves_out_what_never_gets_detections(peer, start):
     start('overlay')
     publisher, boxes = peer.advertise(Image, 'image_raw'), peer.advertise(PointCloud2, 'detections')
     drawn, reports = peer.subscribe(Image, '/overlay/overlay'), peer.subscribe(DiagnosticArray, '/diagnostics')
@@ -401,7 +401,7 @@ def test_overlay_drops_what_never_gets_detections(peer, start):
     assert [stamp_ns(m.header) for m in drawn] == [300_000_000]
     np.testing.assert_array_equal(image_from_msg(drawn[0]), picture(2))
     assert peer.until(lambda: latest().get('processed') == '1'), latest()
-    assert (latest()['received'], latest()['dropped']) == ('3', '2')
+    assert (latest()['received'], latest()['left_out'], latest()['dropped']) == ('3', '2', '0')
     assert float(latest()['latency_p50_ms']) > 0.0
 
 
