@@ -71,7 +71,7 @@ class MarkerWriter:
     def _boxes(self, record: Any, header: Header) -> list[Marker]:
         if self._camera is None or not self._box_distance_m:
             return []
-        return [_box(record, header, self._camera, self._box_distance_m)]
+        return _box(record, header, self._camera, self._box_distance_m)
 
     def clear(self) -> None:
         """Nobody holds any marker."""
@@ -103,16 +103,18 @@ def _arrow(record: Any, header: Header) -> Marker:
                   lifetime=Duration(sec=LIFETIME_S))
 
 
-def _box(record: Any, header: Header, camera: CameraModel, distance_m: float) -> Marker:
-    """The outline of the box on a plane across the optical axis."""
+def _box(record: Any, header: Header, camera: CameraModel, distance_m: float) -> list[Marker]:
+    """The outline of the box on a plane across the optical axis; none where the lens has no ray for a corner."""
     right, down = record['width'] / 2.0, record['height'] / 2.0
     corners = [(record['u'] + x * right - PIXEL_CENTRE, record['v'] + y * down - PIXEL_CENTRE)
                for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))]
-    points = [Point(x=float(x) * distance_m, y=float(y) * distance_m, z=distance_m)
-              for x, y in undistorted(np.array(corners), camera)]
-    return Marker(header=header, ns=BOXES, id=_id(record), type=Marker.LINE_STRIP, action=Marker.ADD,
-                  color=_color(record), scale=Vector3(x=LINE_SHARE * distance_m), points=points,
-                  lifetime=Duration(sec=LIFETIME_S))
+    plane = undistorted(np.array(corners), camera)
+    if not np.isfinite(plane).all():
+        return []
+    points = [Point(x=float(x) * distance_m, y=float(y) * distance_m, z=distance_m) for x, y in plane]
+    return [Marker(header=header, ns=BOXES, id=_id(record), type=Marker.LINE_STRIP, action=Marker.ADD,
+                   color=_color(record), scale=Vector3(x=LINE_SHARE * distance_m), points=points,
+                   lifetime=Duration(sec=LIFETIME_S))]
 
 
 def _label(record: Any, header: Header) -> Marker:

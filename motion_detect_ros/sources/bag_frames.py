@@ -14,7 +14,7 @@ from motion_detect_ros.sources.bag_reader import BagReader
 from motion_detect_ros.sources.calibration import NONE, UNCALIBRATED, Calibration
 from motion_detect_ros.sources.camera_info import camera_of
 from motion_detect_ros.sources.encoding import ImageDecoder
-from motion_detect_ros.sources.frames import SourceFrame
+from motion_detect_ros.sources.frames import SourceFrame, first_reason
 from motion_detect_ros.sources.images import decode_image
 from motion_detect_ros.sources.inertial import GyroSample, rates_of
 from motion_detect_ros.sources.raw import CDR, RawMessage, TopicInfo, printable
@@ -82,7 +82,7 @@ class BagFrames:
                 image, stamp_ns = decode_message(message, decoder)
             except MotionDetectError as error:
                 self.bad_frames += 1
-                self.bad_reason = self.bad_reason or f'frame {index}: {error}'
+                self.bad_reason = first_reason(self.bad_reason, index, error)
                 continue
             yield SourceFrame(index, image, stamp_ns, self._camera_of(image, stamp_ns, calibration))
 

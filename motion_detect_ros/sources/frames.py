@@ -74,6 +74,15 @@ class FrameSource(Protocol):
     def damaged(self) -> str | None:
         """What is wrong with the source as a whole, None for nothing known so far."""
 
+    @property
+    def complaints(self) -> tuple[str, ...]:
+        """What else is worth a word of what has come by since iteration last began."""
+
+
+def first_reason(earlier: str, index: int, error: Exception | str) -> str:
+    """``bad_reason`` after another bad frame, number ``index``."""
+    return earlier or f'frame {index}: {error}'
+
 
 def describe_special(path: Path) -> str | None:
     """What kind of thing is at a path, for messages; None for nothing, a file or a folder. Raises: OSError."""

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import NANOSECONDS, ByteArray, CameraModel
 from motion_detect_ros.sources.encoding import ImageDecoder
-from motion_detect_ros.sources.frames import FIRST_STAMP_NS, SourceFrame, describe_folder
+from motion_detect_ros.sources.frames import FIRST_STAMP_NS, SourceFrame, describe_folder, first_reason
 from motion_detect_ros.sources.window import WHOLE, Choice, Selection, Window
 
 IMAGE_SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.bmp', '.tif', '.tiff', '.webp', '.ppm', '.pgm'})
@@ -121,6 +121,7 @@ class ImageSequence:
     """Picture files with a stamp each, as a frame source."""
 
     damaged: str | None = None
+    complaints: tuple[str, ...] = ()
 
     def __init__(
         self, files: Sequence[Path], stamps_ns: Sequence[int], name: str, camera: CameraModel | None = None,
@@ -161,7 +162,7 @@ class ImageSequence:
                 if not file.parent.is_dir():
                     raise SourceError(f'{file.parent}: the folder has gone while it was read') from None
                 self.bad_frames += 1
-                self.bad_reason = self.bad_reason or f'frame {index}: {error}'
+                self.bad_reason = first_reason(self.bad_reason, index, error)
                 continue
             yield SourceFrame(index, image, stamp_ns, self.camera)
 

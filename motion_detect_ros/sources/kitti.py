@@ -96,6 +96,11 @@ class KittiDrive:
         return self.images.frame_count
 
     @property
+    def complaints(self) -> tuple[str, ...]:
+        """As of the pictures."""
+        return self.images.complaints
+
+    @property
     def bad_reason(self) -> str:
         """As of the pictures."""
         return self.images.bad_reason

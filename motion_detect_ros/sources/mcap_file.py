@@ -106,13 +106,19 @@ class McapFile:
                     raise
                 if section.chunk:
                     self._losses.next_chunk(lost=True)
-                elif self._summary is None and (start := next_chunk(stream, place + 1, size)) is not None:
-                    self._losses.add_hole()
-                    sections.append(Section(start, size, chunk=False))
                 elif self._summary is None:
-                    self._end_fault = self._end_fault or _CUT_OFF
+                    sections.extend(self._rest(stream, place + 1, size))
                 elif stream.tell() <= section.end:  # else it has read on, into what is a section by itself
                     self._losses.add_place()
+
+    def _rest(self, stream: IO[bytes], start: int, size: int) -> Iterator[Section]:
+        """What follows from the next chunk after ``start`` on, found by its looks; empty where there is none."""
+        place = next_chunk(stream, start, size)
+        if place is None:
+            self._end_fault = self._end_fault or _CUT_OFF
+        else:
+            self._losses.add_hole()
+            yield Section(place, size, chunk=False)
 
     def _chunk_messages(self, chunk: Chunk, topics: frozenset[str] | None) -> list[RawMessage]:
         try:

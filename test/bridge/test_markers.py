@@ -106,3 +106,14 @@ def test_markers_of_a_detector_that_has_ended_vanish():
 def test_ids_over_int32_fit():
     (arrow, _), = [MarkerWriter().message(objects(2**31 + 5), HEADER).markers]
     assert arrow.id == 5
+
+
+@pytest.mark.parametrize(('u', 'shown'), [(420.0, True), (590.0, False)])
+def test_a_box_is_shown_where_the_lens_has_rays_for_its_corners(u: float, shown: bool):
+    """An ideal wide lens, r = f * angle: 90 degrees are 283 px from the axis at u = 320, the box ends at u + 20."""
+    writer = MarkerWriter(box_distance_m=1.0)
+    writer.use_camera(CameraInfo(width=640, height=480, distortion_model='equidistant', d=[1e-6, 0.0, 0.0, 0.0],
+                                 k=[180.0, 0, 320.0, 0, 180.0, 240.0, 0, 0, 1.0]))
+    records = objects(7)
+    records['u'], records['v'], records['width'], records['height'] = u, 240.0, 40.0, 20.0
+    assert ('box' in {marker.ns for marker in writer.message(records, HEADER).markers}) == shown

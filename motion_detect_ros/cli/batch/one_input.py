@@ -43,11 +43,9 @@ from motion_detect_ros.results.ownership import BusyError, owned
 from motion_detect_ros.results.summary import Percentiles, Summary, read_summary, write_summary
 from motion_detect_ros.results.tally import Tally
 from motion_detect_ros.sources.ahead import Ahead
-from motion_detect_ros.sources.bags import BagFrames
-from motion_detect_ros.sources.frames import FrameSource, SourceFrame
+from motion_detect_ros.sources.frames import FrameSource, SourceFrame, first_reason
 from motion_detect_ros.sources.inertial import GyroReplay, InertialSource
 from motion_detect_ros.sources.opening import open_source
-from motion_detect_ros.sources.video import VideoFile
 
 
 def run_job(job: Job, watch: Watch = lambda done, total: None) -> Outcome:
@@ -139,7 +137,7 @@ def _process(
             tally.calibrated |= done.calibrated
             if done.result is None:
                 tally.bad_frames += 1
-                tally.bad_reason = tally.bad_reason or f'frame {done.index}: {done.refused}'
+                tally.bad_reason = first_reason(tally.bad_reason, done.index, done.refused)
             else:
                 outputs.write(done.index, done.decode_ms, done.result, done.image)
                 tally.add(done.result, done.tuned)
@@ -266,5 +264,4 @@ def _summarize(
         calibrated=tally.calibrated, first_stamp_ns=tally.first_stamp_ns, last_stamp_ns=tally.last_stamp_ns,
         stage_ms=tally.stage_ms(), decode_ms=Percentiles.of(tally.decode_ms),
         settings={name: value for name, value, _ in settings(job.config)}, tuned=tally.tuned,
-        warnings=[*([f'the first bad one, {reason}'] if reason else ()),
-                  *(source.complaints if isinstance(source, BagFrames | VideoFile) else ()), *pipeline.complaints])
+        warnings=[*([f'the first bad one, {reason}'] if reason else ()), *source.complaints, *pipeline.complaints])

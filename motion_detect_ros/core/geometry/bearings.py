@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from motion_detect_ros.core.geometry.distortion import inverts, undistorted
+from motion_detect_ros.core.geometry.distortion import undistorted
 from motion_detect_ros.core.types import CameraModel, RecordArray
 
 #: Centre of the first pixel where its left or upper edge is 0.
@@ -20,10 +20,7 @@ def bearings(records: RecordArray, camera: CameraModel | None) -> RecordArray:
     if camera is None or not len(records):
         return records
     # The box is in edges of pixels, the first of which is 0; the camera matrix has centres of pixels at whole numbers.
-    points = np.c_[records['u'], records['v']] - np.float64(PIXEL_CENTRE)
-    found = undistorted(points, camera)
-    found[~inverts(found, points, camera)] = np.nan
-    x, y = found.T
+    x, y = undistorted(np.c_[records['u'], records['v']] - np.float64(PIXEL_CENTRE), camera).T
     length = np.sqrt(x * x + y * y + 1.0)
     records['bearing_x'], records['bearing_y'], records['bearing_z'] = x / length, y / length, 1.0 / length
     return records

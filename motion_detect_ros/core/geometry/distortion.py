@@ -18,7 +18,11 @@ _CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-9)
 
 
 def undistorted(points: FloatArray | DoubleArray, camera: CameraModel) -> DoubleArray:
-    """(N, 2) pixels -> coordinates on the image plane at distance one, without the distortion of the lens."""
+    """(N, 2) pixels -> coordinates on the image plane at distance one, without the distortion of the lens.
+
+    NaN beyond the angle from which on a calibrated polynomial turns back, and at 90 degrees and more from the axis,
+    where there is no point on the image plane.
+    """
     pixels = np.ascontiguousarray(points, np.float64).reshape(-1, 1, 2)
     if not camera.distortion or not len(pixels):
         plain: DoubleArray = (pixels[:, 0] - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
@@ -30,19 +34,17 @@ def undistorted(points: FloatArray | DoubleArray, camera: CameraModel) -> Double
         found = cv2.undistortPointsIter(pixels, camera.matrix, lens, None, None, _CRITERIA)
     else:
         found = cv2.undistortPoints(pixels, camera.matrix, lens, criteria=_CRITERIA)
-    return np.asarray(found, np.float64).reshape(-1, 2)
+    plane = np.asarray(found, np.float64).reshape(-1, 2)
+    plane[~_known(plane, pixels[:, 0], camera)] = np.nan
+    return plane
 
 
-def inverts(found: DoubleArray, points: FloatArray | DoubleArray, camera: CameraModel) -> BoolArray:
-    """(N,) whether ``found``, what ``undistorted`` makes of (N, 2) pixels, is where the lens shows them.
-
-    It is not beyond the angle from which on a calibrated polynomial turns back, nor at 90 degrees and more from the
-    axis, where a point on the image plane does not exist.
-    """
-    known = np.isfinite(found[:, 0]) & np.isfinite(found[:, 1])
-    off = np.abs(distorted(np.where(known[:, None], found, 0.0), camera) - np.asarray(points, np.float64))
-    fits: BoolArray = known & (off.max(axis=1, initial=0.0) <= MAX_OFF_PX)
-    return fits
+def _known(found: DoubleArray, pixels: DoubleArray, camera: CameraModel) -> BoolArray:
+    """(N,) whether the lens shows ``found``, (N, 2) on the image plane, at these pixels, (N, 2)."""
+    finite = np.isfinite(found[:, 0]) & np.isfinite(found[:, 1])
+    off = np.abs(distorted(np.where(finite[:, None], found, 0.0), camera) - pixels)
+    known: BoolArray = finite & (off.max(axis=1) <= MAX_OFF_PX)
+    return known
 
 
 def distorted(points: DoubleArray, camera: CameraModel) -> DoubleArray:

@@ -110,12 +110,8 @@ class Track:
         self._travel.predict(rows, dt_s)
 
     def predict_without_ego_motion(self, camera_px: float, dt_s: float) -> None:
-        """The same with the camera's motion unknown: none is assumed, ``camera_px`` is its deviation along an axis.
-
-        It was not detected in this time either, as if there had been one frame.
-        """
+        """The same with the camera's motion unknown: none is assumed, ``camera_px`` is its deviation along an axis."""
         self.predict(AT_REST, 1.0, dt_s)
-        self.coast_unobserved(dt_s)
         self._filter.widen(camera_px ** 2)
         self.gate_inflation_px = math.hypot(self.gate_inflation_px, camera_px)
 

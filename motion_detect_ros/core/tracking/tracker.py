@@ -98,17 +98,22 @@ class Tracker:
         matrix: as in ``step``.
         """
         self._predict(matrix, dt_s, width, height)
-        for track in self._tracks:
-            track.coast_unobserved(dt_s)
-            track.detected.add(dt_s, self._config.confirm_window_s, False)
+        self._coast_unobserved(dt_s)
         self._drop_ended(width, height)
 
     def coast_without_frame(self, dt_s: float, width: int) -> None:
-        """Predict over a missing frame: constant velocity, unknown camera motion. What was lost before is forgotten."""
+        """Predict over a missing frame, in which nothing was detected either: constant velocity, unknown camera motion.
+        What was lost before is forgotten.
+        """
         camera_px = max(self._camera_px_s, CAMERA_WIDTHS_PER_S * width) * dt_s
         self._lost.reset()
         for track in self._tracks:
             track.predict_without_ego_motion(camera_px, dt_s)
+        self._coast_unobserved(dt_s)
+
+    def _coast_unobserved(self, dt_s: float) -> None:
+        for track in self._tracks:
+            track.coast_unobserved(dt_s)
             track.detected.add(dt_s, self._config.confirm_window_s, False)
 
     def _remember(self, track: Track, gray: ByteArray | None, width: int) -> None:

@@ -91,6 +91,24 @@ def test_the_lens_of_the_camera_does_not_matter(drive, lens):
     assert found.epipole == pytest.approx(distorted(plain.epipole[None])[0], abs=1.0)
 
 
+def test_what_the_lens_has_no_ray_for_says_nothing():
+    """Round the picture of a lens as wide as the sky stands its own rim, which does not move."""
+    camera = replace(CAMERA, distortion=(0.0, 0.0, 0.0, 0.0), fisheye=True)
+
+    def with_rim(points: np.ndarray) -> np.ndarray:
+        plane = (points - [CAMERA.cx, CAMERA.cy]) / [CAMERA.fx, CAMERA.fy]
+        radius = np.hypot(*plane.T)[:, None]
+        shown = plane / radius * np.arctan(radius)  # r = f * angle
+        turn = np.linspace(0.0, 2.0 * np.pi, len(points) // 2, endpoint=False)
+        rim = 1.65 * np.c_[np.cos(turn), np.sin(turn)]  # 95 degrees from the axis
+        return np.r_[shown, rim] * [CAMERA.fx, CAMERA.fy] + [CAMERA.cx, CAMERA.cy]
+
+    plain, found = estimate(*tracks(DRIVES['curve'])), estimate(*map(with_rim, tracks(DRIVES['curve'])), camera)
+    assert found is not None
+    assert degrees_turned(found.rotation, plain.rotation) < 0.02
+    assert degrees_between(found.direction, plain.direction) < 0.2
+
+
 def test_travel_parallel_to_the_picture_has_no_epipole_in_it():
     drive = ((0.0, 0.01, 0.0), (0.8, 0.0, 0.1))
     found = estimate(*tracks(drive, MOVERS))

@@ -65,6 +65,8 @@ class RelativePoseEstimator:
         camera = camera or CameraModel.guessed(width, height, self._focal_share)
         camera = camera.resized(width, height)
         q, p = undistorted(earlier, camera), undistorted(current, camera)
+        known = np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1)
+        q, p = q[known], p[known]
         last, self._last = self._last, None
         if len(q) < MIN_SAMPLES:
             return None
