@@ -54,7 +54,10 @@ def lens_problem(info: Any) -> str:
 
 
 def _lens(info: Any) -> dict[str, Any]:
-    """``distortion`` and ``fisheye`` of a camera; no distortion where the message tells none that OpenCV knows."""
+    """``distortion`` and ``fisheye`` of a camera; no distortion where the message tells none that OpenCV knows.
+
+    D all zero is no distortion with every model, equidistant too, as ROS's image_geometry takes it.
+    """
     given, fisheye = [float(value) for value in info.d], info.distortion_model in FISHEYE
     if not any(given) or lens_problem(info):
         return {}
