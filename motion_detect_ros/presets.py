@@ -26,8 +26,8 @@ NODE_PARAMETERS = frozenset({
     'start_type_description_service', 'topic', 'topics', 'use_sim_time', 'wait_for_nodes', 'wait_for_subscribers',
 })
 
-#: Sections of a parameter file that are for all nodes, without slashes.
-ALL_NODES = ('**', '*')
+#: Sections of a parameter file that are for all nodes, without slashes; and the one that is written.
+ALL_NODES, FOR_ALL = ('**', '*'), '/**'
 
 
 def is_node_parameter(name: str) -> bool:
@@ -73,20 +73,28 @@ def load_preset(name_or_path: str | Path) -> PipelineConfig:
         raise ConfigError(f'{path.name}: {error}') from None
 
 
-def node_parameters(name_or_path: str | Path) -> dict[str, Any]:
-    """What of a preset only the nodes read. Raises: ConfigError as ``load_preset``."""
+def node_sections(name_or_path: str | Path) -> dict[str, dict[str, Any]]:
+    """What of a preset only the nodes read: by section, in the order of the file, dotted names and values.
+
+    Raises: ConfigError as ``load_preset``.
+    """
     path = preset_path(str(name_or_path))
     try:
-        return read_parameters(path, is_node_parameter)
+        return _read(path, _node_sections)
     except ConfigError as error:
         raise ConfigError(f'{path.name}: {error}') from None
 
 
-def are_rectified(of_nodes: Mapping[str, Any]) -> bool:
-    """Whether ``node_parameters`` call the images rectified. Raises: ConfigError for neither true nor false."""
-    rectified = of_nodes.get('rectified', False)
-    if not isinstance(rectified, bool):
-        raise ConfigError(f'rectified: expected true or false, got {rectified!r}')
+def are_rectified(name_or_path: str | Path) -> bool:
+    """Whether a preset calls the images rectified. Raises: ConfigError as ``load_preset``, and for neither true nor false.
+    """
+    path = preset_path(str(name_or_path))
+    try:
+        rectified = read_parameters(path, 'rectified'.__eq__).get('rectified', False)
+        if not isinstance(rectified, bool):
+            raise ConfigError(f'rectified: expected true or false, got {rectified!r}')
+    except ConfigError as error:
+        raise ConfigError(f'{path.name}: {error}') from None
     return rectified
 
 
@@ -170,25 +178,31 @@ def _merged(document: Any, wanted: Callable[[str], bool]) -> dict[str, Any]:
     return merged
 
 
+def _node_sections(document: Any) -> dict[str, dict[str, Any]]:
+    """Raises: ConfigError for another layout, RecursionError for one nested too deep."""
+    found: dict[str, dict[str, Any]] = {}
+    for node, parameters in _by_node(document):
+        if own := {name: value for name, value in _flat(parameters) if is_node_parameter(name)}:
+            found.setdefault(str(node), {}).update(own)
+    return found
+
+
 def write_preset(
-    path: Path, config: PipelineConfig, notes: Sequence[str] = (), node_parameters: Mapping[str, Any] | None = None,
+    path: Path, config: PipelineConfig, notes: Sequence[str] = (),
+    of_nodes: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> None:
     """Write the settings that differ from the defaults as a parameter file; notes: comment lines at its top;
-    node_parameters: names and values that only the nodes read.
+    of_nodes: what only the nodes read, as ``node_sections`` gives it.
 
     Raises: ConfigError where the file cannot be written.
     """
-    groups: dict[str, Any] = {}
     defaults = {name: value for name, value, _ in settings(PipelineConfig())}
     changed = {name: value for name, value, _ in settings(config) if value != defaults[name]}
-    for name, value in {**changed, **(node_parameters or {})}.items():
-        group, dot, leaf = name.partition('.')
-        if dot:
-            groups.setdefault(group, {})[leaf] = value
-        else:
-            groups[name] = value
+    sections = {FOR_ALL: changed, **(of_nodes or {})}
+    sections[FOR_ALL] = {**changed, **sections[FOR_ALL]}
     text = ''.join(f'# {note}\n' for note in notes) + yaml.safe_dump(
-        {'/**': {'ros__parameters': groups}}, sort_keys=False, allow_unicode=True)
+        {name: {'ros__parameters': _grouped(values)} for name, values in sections.items()},
+        sort_keys=False, allow_unicode=True)
     try:
         path.write_text(text, encoding='utf-8')
     except OSError as error:
@@ -205,6 +219,18 @@ def preset_path(name: str) -> Path:
         return find_config(f'{name}.yaml')
     except ConfigError:
         raise ConfigError(f'{name}: expected a preset ({", ".join(preset_names())}) or a YAML file') from None
+
+
+def _grouped(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Dotted names as one level of groups."""
+    groups: dict[str, Any] = {}
+    for name, value in values.items():
+        group, dot, leaf = name.partition('.')
+        if dot:
+            groups.setdefault(group, {})[leaf] = value
+        else:
+            groups[name] = value
+    return groups
 
 
 def _flat(values: Mapping[str, Any], prefix: str = '') -> Iterator[tuple[str, Any]]:

@@ -15,7 +15,7 @@ from motion_detect_ros.presets import (
     are_rectified,
     find_config,
     load_preset,
-    node_parameters,
+    node_sections,
     preset_names,
     read_parameters,
     value_for,
@@ -70,9 +70,23 @@ def test_a_preset_is_written_with_the_parameters_of_the_nodes(tmp_path: Path):
     start.write_text('/**:\n  ros__parameters:\n    image_transport: compressed\n    queue_size: 12\n'
                      '    qos_overrides: {/image_raw: {subscription: {depth: 3}}}\n    topics: [/a, /b]\n'
                      '    art2: {vigilance: 0.25}\n    art2.max_neurons: 30\n')
-    write_preset(written, load_preset(start), node_parameters=node_parameters(start))
+    write_preset(written, load_preset(start), of_nodes=node_sections(start))
     assert read_parameters(written) == read_parameters(start)
-    assert node_parameters('visdrone') == {}
+    assert node_sections('visdrone') == {}
+
+
+def test_what_one_node_only_reads_stays_its_own(tmp_path: Path):
+    """Of a section for one node nothing becomes a parameter of the others."""
+    start, written = tmp_path / 'start.yaml', tmp_path / 'written.yaml'
+    start.write_text('camera: {ros__parameters: {queue_size: 30, autostart: false, source: /front.mp4}}\n'
+                     '/**: {ros__parameters: {image_transport: compressed, trajectories: {use: true}}}\n'
+                     'fleet: {rear: {camera: {ros__parameters: {queue_size: 5, source: /rear.mp4}}}}\n')
+    write_preset(written, load_preset(start), of_nodes=node_sections(start))
+    assert load_preset(written) == load_preset(start)
+    for node in ('/camera', '/pipeline', '/fleet/rear/camera'):
+        for name in ('queue_size', 'autostart', 'image_transport', 'source'):
+            assert value_for(written, node, name) == value_for(start, node, name)
+    assert value_for(written, '/pipeline', 'autostart') is None
 
 
 def test_sections_of_several_nodes_are_taken_together_where_they_agree(tmp_path: Path):
@@ -80,9 +94,8 @@ def test_sections_of_several_nodes_are_taken_together_where_they_agree(tmp_path:
     path.write_text('/front/pipeline:\n  ros__parameters: {queue_size: 3, art2: {vigilance: 0.3}}\n'
                     '/rear/pipeline:\n  ros__parameters: {queue_size: 5, art2.vigilance: 0.3, art2.max_neurons: 30}\n')
     assert load_preset(path) == with_settings(PipelineConfig(), {'art2.vigilance': 0.3, 'art2.max_neurons': 30})
-    words = "mine.yaml: expected one value of queue_size, got 3 under '/front/pipeline', 5 under '/rear/pipeline'"
-    with pytest.raises(ConfigError, match=re.escape(words)):
-        node_parameters(path)
+    assert node_sections(path) == {'/front/pipeline': {'queue_size': 3}, '/rear/pipeline': {'queue_size': 5}}
+    assert are_rectified(path) is False, 'what differs and is not asked for does not matter'
     path.write_text(path.read_text().replace('art2.vigilance: 0.3', 'art2.vigilance: 0.25'))
     words = "mine.yaml: expected one value of art2.vigilance, got 0.3 under '/front/pipeline', 0.25 under '/rear/pipeli"
     with pytest.raises(ConfigError, match=re.escape(words)):
@@ -157,8 +170,17 @@ def test_an_empty_file_says_nothing_about_a_node(tmp_path: Path):
 def test_rectified_is_true_or_false(tmp_path: Path, value: str, meant: bool) -> None:
     path = tmp_path / 'mine.yaml'
     path.write_text(f'/**: {{ros__parameters: {{rectified: {value}}}}}')
-    assert are_rectified(node_parameters(path)) is meant
-    assert are_rectified({}) is False
+    assert are_rectified(path) is meant
+    assert are_rectified('visdrone') is False
+
+
+def test_cameras_that_are_rectified_and_not_are_told_apart(tmp_path: Path) -> None:
+    path = tmp_path / 'mine.yaml'
+    path.write_text('/front/pipeline: {ros__parameters: {rectified: true}}\n'
+                    '/rear/pipeline: {ros__parameters: {rectified: false}}\n')
+    words = "mine.yaml: expected one value of rectified, got True under '/front/pipeline', False under '/rear/pipeline'"
+    with pytest.raises(ConfigError, match=re.escape(words)):
+        are_rectified(path)
 
 
 @pytest.mark.parametrize(('value', 'shown'), [('"true"', "'true'"), ('1', '1'), ('yess', "'yess'")])
@@ -166,5 +188,5 @@ def test_rectified_of_another_type_is_refused(tmp_path: Path, value: str, shown:
     """The node would refuse it too; taken for false, the calibration would be another one without a word."""
     path = tmp_path / 'mine.yaml'
     path.write_text(f'/**: {{ros__parameters: {{rectified: {value}}}}}')
-    with pytest.raises(ConfigError, match=f'rectified: expected true or false, got {shown}'):
-        are_rectified(node_parameters(path))
+    with pytest.raises(ConfigError, match=f'mine.yaml: rectified: expected true or false, got {shown}'):
+        are_rectified(path)

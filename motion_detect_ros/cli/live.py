@@ -76,10 +76,8 @@ class LiveGraph:
         self, preset: str = 'default', nodes: tuple[str, ...] = STAGES, domain_id: int | None = None,
         parameters: tuple[str, ...] = (), compressed: bool = False,
     ) -> None:
-        transport = 'compressed' if compressed else 'raw'
-        self._params = ['--params-file', str(preset_path(preset)), '-p', f'image_transport:={transport}']
-        self._further = [word for parameter in parameters for word in ('-p', parameter)]
-        self._params += ['-p', 'first_id:=1', *self._further]  # as offline
+        self._preset, self._further = str(preset_path(preset)), parameters
+        self._stages = (f'image_transport:={"compressed" if compressed else "raw"}', 'first_id:=1')  # ids as offline
         self._nodes = nodes
         self._image_topic = COMPRESSED_TOPIC if compressed else IMAGE_TOPIC
         self._domain_id = own_domain() if domain_id is None else domain_id
@@ -99,7 +97,8 @@ class LiveGraph:
             stack.push(self._stop)
             self.planner = stack.enter_context(Planner(self._domain_id))
             for node in self._nodes:
-                self._processes[node] = self._spawn(node, self._params)
+                self._processes[node] = self._spawn(
+                    node, ['--params-file', self._preset, *_set(node, (*self._stages, *self._further))])
             self._await(lambda: self.planner.subscribers_of(self._image_topic) >= len(self._nodes))
             self._await(lambda: self.planner.publishers_of('detections') >= 1)
             # What a stage publishes before it has found the next one is lost.
@@ -135,7 +134,7 @@ class LiveGraph:
         self.planner.expect(_clock_of_images(bag, played, self._image_topic), wanted)
         player = ['-p', text_parameter('bag', str(bag)), '-p', f'rate:={float(rate)}',
                   '-p', f'wait_for_subscribers:={len(self._nodes)}']
-        player += self._further
+        player += _set('bag_player', self._further)
         if topics:
             player += ['-p', text_parameter('topics', ','.join(topics))]
         for recorded, name in (topics or {}).items():
@@ -223,10 +222,15 @@ class LiveGraph:
             for process in self._started:
                 process.kill()
             self.exit_codes = {node: _end(process) for node, process in self._processes.items()}
-            # What a failed node has printed stays to be read; one that is told to end while it loads has a code too.
+            # What failed nodes have printed stays to be read; one that is told to end while it loads has a code too.
             interrupted = kind is not None and issubclass(kind, KeyboardInterrupt)
-            if interrupted or not any(self.exit_codes.values()):
+            if interrupted or (kind is None and not any(self.exit_codes.values())):
                 shutil.rmtree(self._log, ignore_errors=True)
+
+
+def _set(node: str, parameters: tuple[str, ...]) -> list[str]:
+    """Words that give a node ``name:=value``, whatever a section of its own in a parameter file says."""
+    return [word for parameter in parameters for word in ('-p', f'{node}:{parameter}')]
 
 
 def queues(depth: int) -> tuple[str, ...]:

@@ -31,7 +31,7 @@ from motion_detect_ros.core.errors import MessageError, MotionDetectError, Sourc
 from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.core.stamp_order import StampOrder
-from motion_detect_ros.presets import node_parameters
+from motion_detect_ros.presets import node_sections
 from motion_detect_ros.results.detection_writer import FrameDetections
 from motion_detect_ros.results.files import BAG_NAME, CSV_NAME, SUMMARY_NAME
 from motion_detect_ros.results.formats import clear
@@ -99,7 +99,7 @@ def replay_live(job: Job, preset: str, rate: float) -> LiveSummary:
         topics[frames.imu_topic] = IMU_TOPIC
     _check_names(bag, topics)
     given = ('rectified:=true',) if job.rectified else ()
-    waits = not job.config.load.adapt and not any(map(_sets_queues, node_parameters(preset)))
+    waits = not job.config.load.adapt and not _sets_queues(preset)
     wanted = wanted_of(job.config, recorded.stamps_ns)
     refused = RefusedImages(bag, frames.topic, job.config.preprocessing)
     heard: tuple[Received, ...] = ()
@@ -167,9 +167,10 @@ def wanted_of(config: PipelineConfig, stamps_ns: Iterable[int]) -> frozenset[int
     return frozenset(stamp_ns for stamp_ns in stamps_ns if decimation.keep_next())
 
 
-def _sets_queues(parameter: str) -> bool:
-    """Whether the user says by it how many images may wait: more are then left out, as from a camera."""
-    return parameter == 'queue_size' or parameter.startswith('qos_overrides.')
+def _sets_queues(preset: str) -> bool:
+    """Whether the user says in it how many images may wait: more are then left out, as from a camera."""
+    return any(name == 'queue_size' or name.startswith('qos_overrides.')
+               for section in node_sections(preset).values() for name in section)
 
 
 def read_through(bag: Path, topic: TopicInfo) -> Recorded:

@@ -26,7 +26,7 @@ from motion_detect_ros.cli.output_folders import folders_of
 from motion_detect_ros.cli.progress import Board
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import BackendError, SourceError
-from motion_detect_ros.presets import are_rectified, load_preset, node_parameters
+from motion_detect_ros.presets import are_rectified, load_preset
 from motion_detect_ros.report.make import can_report
 from motion_detect_ros.results.formats import output_files
 from motion_detect_ros.sources.bags import is_bag
@@ -99,7 +99,7 @@ def make_jobs(arguments: argparse.Namespace, config: PipelineConfig) -> list[Job
     a rate where all inputs have stamps; ConfigError where the settings do not say ``rectified`` in true or false.
     """
     formats, inputs = formats_of(arguments), expand_inputs(arguments.inputs, arguments.output)
-    rectified = are_rectified(node_parameters(preset_of(arguments))) or arguments.rectified
+    rectified = are_rectified(preset_of(arguments)) or arguments.rectified
     folders = folders_of(inputs.paths, arguments.output.absolute(), inputs.several)
     jobs = [Job(path, folder, config, arguments.fps, arguments.topic, arguments.start, arguments.duration,
                 arguments.every, formats, arguments.overlay, rectified=rectified, force=arguments.force)

@@ -23,7 +23,7 @@ from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError, SourceError
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.core.threads import use
-from motion_detect_ros.presets import are_rectified, load_preset, node_parameters, write_preset
+from motion_detect_ros.presets import are_rectified, load_preset, node_sections, write_preset
 from motion_detect_ros.results.clips import truth_of_clips
 from motion_detect_ros.results.files import write_whole
 from motion_detect_ros.results.metrics import COUNTINGS
@@ -72,10 +72,10 @@ def run(arguments: argparse.Namespace) -> int:
     """
     _check(arguments)
     start, searched = load_preset(arguments.preset), dimensions(arguments.settings)
-    of_nodes = node_parameters(arguments.preset)
+    of_nodes = node_sections(arguments.preset)
     if start.imu.use:
         raise ConfigError(f'{arguments.preset}: imu.use: expected false, as tune uses the pictures only, got true')
-    recordings = _recordings(arguments, are_rectified(of_nodes))
+    recordings = _recordings(arguments, are_rectified(arguments.preset))
     use(start.load.threads)
     _check_outputs(arguments)
     _make_folder(arguments.output)
@@ -86,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _tune(
     arguments: argparse.Namespace, recordings: Sequence[Recording], start: PipelineConfig,
-    searched: Sequence[Dimension], of_nodes: dict[str, Any], task: dict[str, Any],
+    searched: Sequence[Dimension], of_nodes: dict[str, dict[str, Any]], task: dict[str, Any],
 ) -> int:
     """``run`` in a folder that nobody else writes. Raises: as ``run``."""
     if arguments.force:
@@ -197,7 +197,7 @@ def _search(tuner: Tuner, study: Study, trials: int, time_s: float | None) -> No
 
 
 def _write(
-    arguments: argparse.Namespace, start: PipelineConfig, of_nodes: dict[str, Any], tuner: Tuner,
+    arguments: argparse.Namespace, start: PipelineConfig, of_nodes: dict[str, dict[str, Any]], tuner: Tuner,
     trials: Sequence[Trial], verdict: Verdict,
 ) -> None:
     facts = {

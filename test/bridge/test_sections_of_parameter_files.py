@@ -13,7 +13,7 @@ from rclpy.context import Context
 from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.core.settings import settings
-from motion_detect_ros.presets import load_preset, node_parameters
+from motion_detect_ros.presets import are_rectified, load_preset, node_sections, write_preset
 
 ALL = '/**: {ros__parameters: {art2: {vigilance: 0.3}, tracks.coast_s: 0.5, rectified: false}}\n'
 PIPELINE = 'pipeline: {ros__parameters: {art2.vigilance: 0.2, rectified: true}}\n'
@@ -55,7 +55,7 @@ def test_offline_and_ros_agree(tmp_path: Path, text: str, vigilance: float, coas
         vigilance, coast_s, rectified]
     offline = {name: value for name, value, _ in settings(load_preset(path))}
     assert (offline['art2.vigilance'], offline['tracks.coast_s']) == (vigilance, coast_s)
-    assert node_parameters(path)['rectified'] is rectified
+    assert are_rectified(path) is rectified
 
 
 def test_nodes_that_differ_are_refused_beside_a_section_for_all(tmp_path: Path):
@@ -93,3 +93,12 @@ def test_errors_name_the_nested_node(tmp_path: Path, text: str, words: str):
     path.write_text(text)
     with pytest.raises(ConfigError, match=re.escape(words)):
         load_preset(path)
+
+
+def test_ros_finds_in_a_written_file_what_the_sections_said(tmp_path: Path):
+    start, written = tmp_path / 'start.yaml', tmp_path / 'written.yaml'
+    start.write_text(f'{ALL}fleet: {{drone1: {{{PIPELINE.strip()}}}}}\n/other/pipeline: {{ros__parameters: {{fps: 3.0}}}}\n')
+    write_preset(written, load_preset(start), of_nodes=node_sections(start))
+    assert by_rclpy(written, '/fleet/drone1')['rectified'] is True
+    assert by_rclpy(written)['rectified'] is False
+    assert 'fps' not in by_rclpy(written)
