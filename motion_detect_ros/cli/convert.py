@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
     count = convert(source, arguments.output, getattr(arguments, 'compressed', False), truth)
     bad = (f', {source.bad_frames} unreadable frames left out, the first one, {source.bad_reason}' if source.bad_frames
            else '')
-    print(f'{arguments.output}: {count} frames{bad}' + (f'; {source.damaged}' if source.damaged else ''))
+    print('; '.join([f'{arguments.output}: {count} frames{bad}', *filter(None, (source.damaged,)), *source.complaints]))
     if not count:
         return NOTHING
     return PARTIAL if source.bad_frames or source.damaged else OK
@@ -165,10 +165,15 @@ def _compressed_files(source: FrameSource) -> tuple[Path, ...]:
 
 
 def _write_camera_info(bag: BagWriter, frame: SourceFrame, source: FrameSource) -> None:
+    """Of the picture's own size; all zero where it has no calibration."""
     height, width = frame.image.shape[:2]
-    camera = source.camera or CameraModel(width, height, 0.0, 0.0, 0.0, 0.0)
-    calibration = source.calibration if isinstance(source, KittiDrive) else None
-    bag.write_camera_info(camera, frame.stamp_ns, projection=calibration.projection if calibration else None)
+    if frame.camera is None:
+        bag.write_camera_info(CameraModel(width, height, 0.0, 0.0, 0.0, 0.0), frame.stamp_ns)
+    elif isinstance(source, KittiDrive) and source.calibration:
+        calibration = source.calibration.resized(width, height)
+        bag.write_camera_info(calibration.camera, frame.stamp_ns, projection=calibration.projection)
+    else:
+        bag.write_camera_info(frame.camera.resized(width, height), frame.stamp_ns)
 
 
 def _write_oxts(bag: BagWriter, sample: OxtsSample) -> None:

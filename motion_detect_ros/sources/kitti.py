@@ -1,4 +1,5 @@
-"""KITTI raw drives: rectified pictures of the left colour camera, their stamps, calibration, inertial data.
+"""KITTI raw drives: rectified pictures of one camera, the left colour one as a rule, their stamps, calibration, inertial
+data.
 
 Source: Geiger, Lenz, Stiller, Urtasun, "Vision meets Robotics: The KITTI Dataset", IJRR 2013; folder layout and
 field meanings from the raw data development kit.
@@ -11,7 +12,7 @@ import math
 import re
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,8 @@ from motion_detect_ros.sources.images import ImageSequence, image_files
 from motion_detect_ros.sources.inertial import GyroSample
 from motion_detect_ros.sources.window import WHOLE, Window
 
-IMAGE_FOLDER = 'image_02'
+#: Pictures of the camera that a drive stands for, the left one in colour; and those of any of its four.
+IMAGE_FOLDER, _CAMERA_FOLDER = 'image_02', re.compile(r'image_0[0-3]')
 CALIBRATION_NAME = 'calib_cam_to_cam.txt'
 LAYOUT = 'image_02/data/*.png or *.jpg, image_02/timestamps.txt, oxts/, and calib_cam_to_cam.txt beside the drive'
 
@@ -33,10 +35,24 @@ _OXTS_COLUMNS = 30
 
 @dataclass(frozen=True)
 class Calibration:
-    """``camera``: the rectified pinhole; ``projection``: (3, 4) float64, P_rect_02 as published."""
+    """``camera``: the rectified pinhole; ``projection``: (3, 4) float64, P_rect_0N as published."""
 
     camera: CameraModel
     projection: DoubleArray
+
+    def fits(self, width: int, height: int) -> bool:
+        """Whether pictures of this size are those of the camera, or all of each at another scale."""
+        full = self.camera.width, self.camera.height
+        return abs(width * full[1] - height * full[0]) <= max(full)  # a pixel more or less, for rounding
+
+    def resized(self, width: int, height: int) -> Calibration:
+        """Of the same pictures at another size; pixel centres sit at whole numbers."""
+        if (width, height) == (self.camera.width, self.camera.height):
+            return self
+        projection = self.projection.copy()
+        for row, scale in enumerate((width / self.camera.width, height / self.camera.height)):
+            projection[row] = scale * (projection[row] + 0.5 * projection[2]) - 0.5 * projection[2]
+        return Calibration(self.camera.resized(width, height), projection)
 
 
 @dataclass(frozen=True)
@@ -68,37 +84,38 @@ class OxtsSample:
 
 
 class KittiDrive:
-    """A raw drive as a frame source; stamps are those of image_02, UTC, ns."""
+    """A raw drive as a frame source; stamps are those of the camera's pictures, UTC, ns.
+
+    Pictures that are not all of what the camera saw (cropped ones) have no calibration; ``complaints`` say so.
+    """
 
     damaged: str | None = None
     calibration: Calibration | None
 
-    def __init__(self, drive: str | Path, window: Window = WHOLE) -> None:
-        """Raises: SourceError where the folder is not laid out as a raw drive."""
+    def __init__(self, drive: str | Path, window: Window = WHOLE, images: str = IMAGE_FOLDER) -> None:
+        """images: folder of the camera, image_00 to image_03. Raises: SourceError where it is not laid out as a raw drive.
+        """
         self.path = Path(drive)
-        if not is_kitti_drive(self.path):
+        if not is_kitti_drive(self.path, images):
             found = describe_folder(self.path) if self.path.is_dir() else 'no such folder'
             raise SourceError(f'{self.path}: found {found}; expected a KITTI raw drive: {LAYOUT}')
-        files = image_files(self.path / IMAGE_FOLDER / 'data')
+        files = image_files(self.path / images / 'data')
         if not files:
-            raise SourceError(f'{self.path}: no pictures in {IMAGE_FOLDER}/data; expected {LAYOUT}')
-        stamps = read_stamps(self.path / IMAGE_FOLDER / 'timestamps.txt')
+            raise SourceError(f'{self.path}: no pictures in {images}/data; expected {LAYOUT}')
+        stamps = read_stamps(self.path / images / 'timestamps.txt')
         calibration_path = self.path.parent / CALIBRATION_NAME
-        self.calibration = read_calibration(calibration_path) if calibration_path.is_file() else None
+        self.calibration = (
+            read_calibration(calibration_path, images.removeprefix('image_')) if calibration_path.is_file() else None)
         self.camera = self.calibration.camera if self.calibration else None
         self.name = self.path.resolve().name
         stamps_ns = [_stamp_of(file, stamps) for file in files]
         self.images = ImageSequence(files, stamps_ns, self.name, self.camera, window)
+        self.complaints: tuple[str, ...] = ()
 
     @property
     def frame_count(self) -> int:
         """Number of pictures."""
         return self.images.frame_count
-
-    @property
-    def complaints(self) -> tuple[str, ...]:
-        """As of the pictures."""
-        return self.images.complaints
 
     @property
     def bad_reason(self) -> str:
@@ -117,7 +134,17 @@ class KittiDrive:
 
     def __iter__(self) -> Iterator[SourceFrame]:
         """Frames in order."""
-        return iter(self.images)
+        self.complaints = ()
+        for frame in self.images:
+            height, width = frame.image.shape[:2]
+            if self.calibration is None or self.calibration.fits(width, height):
+                yield frame
+                continue
+            if not self.complaints:
+                self.complaints = (
+                    f'{CALIBRATION_NAME} refused (it is for {self.calibration.camera.width}x'
+                    f'{self.calibration.camera.height}, the pictures have {width}x{height}): bearings are NaN',)
+            yield replace(frame, camera=None)
 
     def oxts(self) -> list[OxtsSample]:
         """The inertial data in order, empty where the drive has none. Raises: SourceError for a malformed file."""
@@ -132,9 +159,17 @@ class KittiDrive:
         return (GyroSample(sample.stamp_ns, sample.angular_velocity) for sample in self.oxts())
 
 
-def is_kitti_drive(folder: Path) -> bool:
-    """True where ``image_02/data`` is inside."""
-    return (folder / IMAGE_FOLDER / 'data').is_dir()
+def is_kitti_drive(folder: Path, images: str = IMAGE_FOLDER) -> bool:
+    """True where the folder of a camera's pictures, ``image_02/data``, is inside."""
+    return (folder / images / 'data').is_dir()
+
+
+def camera_of_pictures(folder: Path) -> tuple[Path, str] | None:
+    """Drive and camera, ``image_0N``, of a folder ``image_0N/data`` with the stamps beside it; None for any other one."""
+    is_camera = folder.name == 'data' and _CAMERA_FOLDER.fullmatch(folder.parent.name)
+    if not is_camera or not (folder.parent / 'timestamps.txt').is_file():
+        return None
+    return folder.parent.parent, folder.parent.name
 
 
 def parse_stamp(text: str) -> int:
@@ -159,21 +194,25 @@ def read_stamps(path: Path) -> list[int]:
         raise SourceError(f'{path}: {error}') from None
 
 
-def read_calibration(path: Path) -> Calibration:
-    """P_rect_02 and S_rect_02 of a calib_cam_to_cam.txt. Raises: SourceError where they are missing or no camera's."""
+def read_calibration(path: Path, camera_number: str) -> Calibration:
+    """P_rect and S_rect of a camera, 00 to 03, of a calib_cam_to_cam.txt.
+
+    Raises: SourceError where they are missing or no camera's.
+    """
+    size, matrix = f'S_rect_{camera_number}', f'P_rect_{camera_number}'
     try:
         text = path.read_text(encoding='ascii', errors='replace')
         lines = dict(line.split(':', 1) for line in text.splitlines() if ':' in line)
-        width, height = (int(float(value)) for value in lines['S_rect_02'].split())
-        projection = np.array(lines['P_rect_02'].split(), np.float64).reshape(3, 4)
+        width, height = (int(float(value)) for value in lines[size].split())
+        projection = np.array(lines[matrix].split(), np.float64).reshape(3, 4)
     except (OSError, KeyError, ValueError, OverflowError) as error:
-        raise SourceError(f'{path}: expected S_rect_02 (2 numbers) and P_rect_02 (12 numbers): {error}') from None
+        raise SourceError(f'{path}: expected {size} (2 numbers) and {matrix} (12 numbers): {error}') from None
     if min(width, height) < 1:
-        raise SourceError(f'{path}: S_rect_02: expected a size in pixels, got {width}x{height}')
+        raise SourceError(f'{path}: {size}: expected a size in pixels, got {width}x{height}')
     fx, fy, cx, cy = (float(projection[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
     camera = CameraModel.of(width, height, fx, fy, cx, cy)
     if camera is None:
-        raise SourceError(f'{path}: P_rect_02: expected focal lengths of 1 px or more, got {fx:g} and {fy:g}, '
+        raise SourceError(f'{path}: {matrix}: expected focal lengths of 1 px or more, got {fx:g} and {fy:g}, '
                           f'and a finite centre, got {cx:g}, {cy:g}')
     return Calibration(camera, projection)
 

@@ -12,7 +12,7 @@ from motion_detect_ros.sources.bag_reader import BAG_SUFFIXES
 from motion_detect_ros.sources.bags import BagFrames, is_bag
 from motion_detect_ros.sources.frames import DEFAULT_FPS, FrameSource, describe_folder, describe_special
 from motion_detect_ros.sources.images import image_files, image_folder, leads_nowhere
-from motion_detect_ros.sources.kitti import KittiDrive, is_kitti_drive
+from motion_detect_ros.sources.kitti import KittiDrive, camera_of_pictures, is_kitti_drive
 from motion_detect_ros.sources.video import VIDEO_SUFFIXES, VideoFile
 from motion_detect_ros.sources.window import WHOLE, Window
 
@@ -74,7 +74,7 @@ def check_rate_is_used(name: str, fps: float | None, paths: Iterable[str]) -> No
 def _has_stamps(path: Path) -> bool:
     """Whether a rate says nothing to it; false for what cannot be read, which is said when it is opened."""
     try:
-        return is_bag(path) or is_kitti_drive(path)
+        return is_bag(path) or is_kitti_drive(path) or camera_of_pictures(path) is not None
     except OSError:
         return False
 
@@ -107,8 +107,9 @@ def _open_folder(path: Path, fps: float | None, topic: str | None, window: Windo
         return BagFrames(path, topic, window, rectified)
     if is_kitti_drive(path):
         return KittiDrive(path, window)
-    if path.name == 'data' and (path.parent / 'timestamps.txt').is_file() and is_kitti_drive(path.parent.parent):
-        return KittiDrive(path.parent.parent, window)  # the pictures' own folder: its stamps are beside it
+    if camera := camera_of_pictures(path):
+        drive, images = camera
+        return KittiDrive(drive, window, images)
     if image_files(path):
         return image_folder(path, fps or DEFAULT_FPS, window)  # a VisDrone sequence is one of these
     raise SourceError(

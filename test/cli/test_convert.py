@@ -175,6 +175,25 @@ def test_the_real_drive(clips: Path, tmp_path: Path) -> None:
     assert read_truth(tmp_path / 'kitti.truth.csv').tolist() == read_truth(labels).tolist()
 
 
+@pytest.mark.parametrize(('size', 'fx', 'cx', 'ty'), [
+    ((80, 60), 100.0, 40.0, -300.0), ((40, 30), 50.0, 19.75, -150.0), ((60, 60), 0.0, 0.0, 0.0)])
+def test_camera_info_is_of_the_pictures_as_they_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], size: tuple[int, int], fx: float, cx: float, ty: float,
+) -> None:
+    """A camera of 80x60 with its centre at 40: at half the size (40 + 0.5) / 2 - 0.5; unknown of cropped pictures."""
+    data = tmp_path / 'day' / 'drive' / 'image_02' / 'data'
+    data.mkdir(parents=True)
+    cv2.imwrite(str(data / '0000000000.png'), np.full((size[1], size[0]), 9, np.uint8))
+    (data.parent / 'timestamps.txt').write_text('2011-09-26 13:02:44.5\n')
+    (tmp_path / 'day' / 'calib_cam_to_cam.txt').write_text(
+        'S_rect_02: 80 60\nP_rect_02: 100 0 40 -300 0 100 30 0 0 0 1 0\n')
+    assert main(['convert', 'kitti', str(data.parents[1]), '-o', str(tmp_path / 'out.mcap')]) == 0
+    (_, info), = contents(tmp_path / 'out.mcap')['/camera_info']
+    assert (info.width, info.height) == size
+    assert (info.k[0], info.k[2], info.p[0], info.p[2], info.p[3]) == (fx, cx, fx, cx, ty)
+    assert ('bearings are NaN' in capsys.readouterr().out) == (not fx)
+
+
 def test_real_drive_compressed(clips: Path, tmp_path: Path) -> None:
     out = tmp_path / 'kitti.mcap'
     assert main(['convert', 'kitti', str(clips / DRIVE), '-o', str(out), '--compressed']) == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import CameraModel
 from motion_detect_ros.sources.inertial import GyroSample
 from motion_detect_ros.sources.kitti import KittiDrive, OxtsSample, parse_stamp, read_oxts
-from motion_detect_ros.sources.opening import open_source
+from motion_detect_ros.sources.opening import check_rate_is_used, open_source
 
 P_RECT_02 = ('7.215377e+02 0.000000e+00 6.095593e+02 4.485728e+01 0.000000e+00 7.215377e+02 1.728540e+02 '
              '2.163791e-01 0.000000e+00 0.000000e+00 1.000000e+00 2.745884e-03')
@@ -153,6 +154,64 @@ def test_open_source_knows_a_drive_and_its_picture_folder(drive: Path, inside: s
     source = open_source(drive / inside)
     assert isinstance(source, KittiDrive)
     assert source.frame_count == 3
+
+
+def other_camera(drive: Path, folder: str, focal_px: str = '600.0') -> None:
+    """The drive seen by another of its cameras, a second later, of another brightness and calibration."""
+    (drive / folder / 'data').mkdir(parents=True)
+    for index in range(3):
+        cv2.imwrite(str(drive / folder / f'data/{index:010d}.png'), np.full((30, 40), 200 + index, np.uint8))
+    stamps = (drive / 'image_02/timestamps.txt').read_text().replace('13:02:44', '13:02:45')
+    (drive / folder / 'timestamps.txt').write_text(stamps)
+    calibration, number = drive.parent / 'calib_cam_to_cam.txt', folder[-2:]
+    calibration.write_text(calibration.read_text() + f'S_rect_{number}: 40 30\nP_rect_{number}: '
+                           f'{focal_px} 0 20 -300 0 {focal_px} 15 0 0 0 1 0\n')
+
+
+@pytest.mark.parametrize('folder', ['image_00', 'image_01', 'image_03'])
+def test_the_pictures_of_another_camera_are_its_own(drive: Path, folder: str) -> None:
+    other_camera(drive, folder)
+    source = open_source(drive / folder / 'data')
+    frames = list(source)
+    assert [frame.stamp_ns for frame in frames] == [stamp + 10**9 for stamp in KittiDrive(drive).images.stamps_ns]
+    assert [int(frame.image.flat[0]) for frame in frames] == [200, 201, 202]
+    assert frames[0].camera == source.camera == CameraModel(40, 30, 600.0, 600.0, 20.0, 15.0)
+    assert source.complaints == ()
+
+
+def test_a_drive_without_the_left_camera(drive: Path) -> None:
+    other_camera(drive, 'image_03')
+    shutil.rmtree(drive / 'image_02')
+    assert len(list(open_source(drive / 'image_03/data'))) == 3
+
+
+@pytest.mark.parametrize('folder', ['image_02', 'image_03'])
+def test_a_rate_means_nothing_to_a_folder_with_stamps(drive: Path, folder: str) -> None:
+    other_camera(drive, 'image_03')
+    with pytest.raises(SourceError, match='--fps: expected an input without stamps'):
+        check_rate_is_used('--fps', 30.0, [str(drive / folder / 'data')])
+
+
+def resized(drive: Path, width: int, height: int) -> KittiDrive:
+    for file in (drive / 'image_02/data').iterdir():
+        cv2.imwrite(str(file), np.zeros((height, width), np.uint8))
+    return KittiDrive(drive)
+
+
+@pytest.mark.parametrize(('width', 'height'), [(1242, 375), (621, 188), (414, 125), (2484, 750)])
+def test_pictures_of_another_size_have_the_calibration(drive: Path, width: int, height: int) -> None:
+    source = resized(drive, width, height)
+    assert [frame.camera for frame in source] == [CameraModel(1242, 375, 721.5377, 721.5377, 609.5593, 172.8540)] * 3
+    assert source.complaints == ()
+
+
+@pytest.mark.parametrize(('width', 'height'), [(842, 375), (1242, 360), (30, 40)])
+def test_cropped_pictures_have_none_and_that_is_said(drive: Path, width: int, height: int) -> None:
+    """What was cut off nobody knows, so neither where the axis is: bearings would be wrong."""
+    source = resized(drive, width, height)
+    assert [frame.camera for frame in source] == [None] * 3
+    assert source.complaints == (f'calib_cam_to_cam.txt refused (it is for 1242x375, the pictures have '
+                                 f'{width}x{height}): bearings are NaN',)
 
 
 def test_the_real_drive(clips: Path) -> None:
