@@ -31,12 +31,16 @@ bag, out = Path(sys.argv[1]), Path(sys.argv[2])
 
 # %% [markdown]
 # ## Detect
-# Every frame, the same answer every time; `--preset` says what kind of scene it is.
+# Every frame, the same answer every time; `--preset` says what kind of scene it is. What an earlier run has left of the
+# same is taken as it is, of anything else it stays, and this ends.
 
 # %%
-code = main(['replay', str(bag), '-o', str(out), '--preset', 'default', '--force'])
+code = main(['replay', str(bag), '-o', str(out), '--preset', 'default'])
 if code not in {0, 3}:  # 3: the bag is damaged; what could be read is there
     raise SystemExit(code)
+if not (out / 'detections.csv').is_file():
+    print(f'analyse_flight: expected one recording in {bag}, got a folder of them', file=sys.stderr)
+    sys.exit(2)
 detections = pd.read_csv(out / 'detections.csv')
 frames = pd.read_csv(out / 'frames.csv')
 times = pd.read_csv(out / 'times.csv')

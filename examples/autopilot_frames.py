@@ -113,7 +113,8 @@ class AutopilotFrames(Node):
         everything = read_detections(msg)
         detections = everything[np.isfinite(everything['bearing_z'])]
         if len(detections) < len(everything):
-            self.get_logger().warning('no bearings: camera_info is missing or all zero', throttle_duration_sec=5.0)
+            self.get_logger().warning('objects without bearings: camera_info is missing or all zero, or they are where '
+                                      'the lens has no ray', throttle_duration_sec=5.0)
         frd = optical_to_frd(np.stack([detections[f'bearing_{axis}'] for axis in 'xyz'], axis=-1),
                              self.camera_pitch_deg)
         self.scans.publish(LaserScan(

@@ -46,7 +46,8 @@ class BearingsToPoints(Node):
         detections = read_detections(msg)
         points = points_of(detections, self.range_m)
         if len(points) < len(detections):
-            self.get_logger().warning('no bearings: camera_info is missing or all zero', throttle_duration_sec=5.0)
+            self.get_logger().warning('objects without bearings: camera_info is missing or all zero, or they are where '
+                                      'the lens has no ray', throttle_duration_sec=5.0)
         self.publisher.publish(records_to_msg(points, msg.header))
 
 

@@ -60,7 +60,8 @@ class Follower(Node):
         command = TwistStamped(header=Header(stamp=msg.header.stamp, frame_id='base_link'))
         known = found[np.isfinite(found['bearing_z'])]
         if len(known) < len(found):
-            self.get_logger().warning('no bearings: camera_info is missing or all zero', throttle_duration_sec=5.0)
+            self.get_logger().warning('objects without bearings: camera_info is missing or all zero, or they are where '
+                                      'the lens has no ray', throttle_duration_sec=5.0)
         for one in known:
             command.twist.angular.z = -self.gain * math.atan2(one['bearing_x'], one['bearing_z'])
             command.twist.linear.z = -self.gain * math.asin(max(-1.0, min(1.0, one['bearing_y'])))

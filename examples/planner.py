@@ -61,8 +61,8 @@ class Planner(Node):
         self.create_subscription(PointCloud2, 'detections', self.on_detections, 5)
 
     def on_camera_info(self, msg):
-        """The size of the images."""
-        self.width_px = msg.width
+        """The size of the images: of the sensor's region that they show, so many of its pixels in one."""
+        self.width_px = (msg.roi.width or msg.width) // max(1, msg.binning_x)
 
     def on_detections(self, msg):
         """One image: suggest."""

@@ -86,7 +86,9 @@ def node_sections(name_or_path: str | Path) -> dict[str, dict[str, Any]]:
 
 
 def are_rectified(name_or_path: str | Path) -> bool:
-    """Whether a preset calls the images rectified. Raises: ConfigError as ``load_preset``, and for neither true nor false.
+    """Whether a preset calls the images rectified.
+
+    Raises: ConfigError as ``load_preset``, and for neither true nor false.
     """
     path = preset_path(str(name_or_path))
     try:

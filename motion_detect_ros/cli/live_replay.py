@@ -152,7 +152,8 @@ def _write(
             with DetectionOutputs(job.folder, job.path) as outputs:
                 for message in heard:
                     if message.stamp_ns in frame_of:
-                        outputs.write(FrameDetections(frame_of[message.stamp_ns], message.stamp_ns, message.records))
+                        outputs.write(FrameDetections(frame_of[message.stamp_ns], message.stamp_ns, message.records,
+                                                      frame_id=message.frame_id))
                 if stopped:
                     raise stopped
     except (MotionDetectError, OSError) as error:

@@ -17,15 +17,19 @@ from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.topics import CLOCK, DETECTIONS, DIAGNOSTICS
 from motion_detect_ros.bridge.trigger import TriggerClient
 from motion_detect_ros.core.types import RecordArray
+from motion_detect_ros.sources.frames import CAMERA_FRAME
 
 
 @dataclass(frozen=True)
 class Received:
-    """One detections message. ``latency_ms``: since the image of the same stamp was published, NaN if unknown."""
+    """One detections message. ``latency_ms``: since the image of the same stamp was published, NaN if unknown;
+    ``frame_id``: of its header.
+    """
 
     stamp_ns: int
     records: RecordArray
     latency_ms: float
+    frame_id: str = CAMERA_FRAME
 
 
 class Planner:
@@ -167,7 +171,7 @@ class Planner:
             clock_ns = self._clock_of.get(stamp)
             shown_ns = None if clock_ns is None else self._shown_ns.get(clock_ns)
             latency_ms = (now_ns - shown_ns) / 1e6 if shown_ns is not None else float('nan')
-            self._received.append(Received(stamp, records, latency_ms))
+            self._received.append(Received(stamp, records, latency_ms, msg.header.frame_id))
             self._answered = max(self._answered, self._place_of.get(stamp, 0))
             self._changed.notify_all()
         self.watch()

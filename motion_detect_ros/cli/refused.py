@@ -37,7 +37,7 @@ class RefusedImages:
 
     def _refuses(self, message: RawMessage) -> bool:
         try:
-            image, stamp_ns = decode_message(message, ImageDecoder())
+            image, stamp_ns, _ = decode_message(message, ImageDecoder())
             Preprocessor(self._config).process(image, stamp_ns)
         except MotionDetectError:
             return True

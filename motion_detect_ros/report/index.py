@@ -87,6 +87,7 @@ def _trouble(summary: Summary) -> Iterator[str]:
         yield f'{summary.misstamped_frames} frames with wrong stamps'
     if not summary.frames:
         yield 'no frames'
+    yield from map(str, summary.warnings)
 
 
 def _minutes(seconds: float) -> str:

@@ -136,6 +136,7 @@ def _notes(parts: Parts) -> Iterator[str]:
         yield 'The replay was interrupted: this page shows what was done until then.'
     if summary.damaged:
         yield f'The input is damaged: {summary.damaged}'
+    yield from (f'Warning: {words}' for words in summary.warnings)
     if not len(parts.replayed.frames):
         yield 'No frame was processed.'
     if parts.pictures.missing:

@@ -13,7 +13,6 @@ from motion_detect_ros.results.detection_writer import FrameDetections, finite
 from motion_detect_ros.results.files import BAG_NAME
 from motion_detect_ros.sources.bags import BagWriter
 from motion_detect_ros.sources.box_messages import detection_array, image_annotations
-from motion_detect_ros.sources.frames import CAMERA_FRAME
 from motion_detect_ros.sources.part_file import PartFile
 
 #: Topics as the nodes name them.
@@ -36,13 +35,13 @@ class BagDetections(PartFile):
 
     def write(self, found: FrameDetections) -> None:
         """Add the messages of one frame, also where nothing was found. Raises: BackendError as ``jpeg``."""
-        self._bag.write_detections(found.records, found.stamp_ns, RECORDS_TOPIC)
-        self._bag.write(BOXES_TOPIC, detection_array(found.records, found.stamp_ns, CAMERA_FRAME), found.stamp_ns)
+        self._bag.write_detections(found.records, found.stamp_ns, RECORDS_TOPIC, found.frame_id)
+        self._bag.write(BOXES_TOPIC, detection_array(found.records, found.stamp_ns, found.frame_id), found.stamp_ns)
         annotations = image_annotations(finite(found.records), found.stamp_ns, line_px(found.size[0]))
         self._bag.write(ANNOTATIONS_TOPIC, annotations, found.stamp_ns)
         if found.image is not None:
             picture = jpeg(draw_detections(found.image, found.records))
-            self._bag.write_compressed(picture, 'jpeg', found.stamp_ns, OVERLAY_TOPIC)
+            self._bag.write_compressed(picture, 'jpeg', found.stamp_ns, OVERLAY_TOPIC, found.frame_id)
 
     def finish_part(self) -> None:
         """Close the bag properly under its part name."""

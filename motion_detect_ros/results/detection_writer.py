@@ -10,6 +10,7 @@ import numpy as np
 
 from motion_detect_ros.core.types import ByteArray, RecordArray
 from motion_detect_ros.results.metrics import boxes_of
+from motion_detect_ros.sources.frames import CAMERA_FRAME
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,8 @@ class FrameDetections:
     """What was found in one processed frame.
 
     ``frame``: number in the source, from 0; ``records``: dtype ``DETECTION_DTYPE``; ``size``: width and height of the
-    picture, pixels, (0, 0) where not known; ``image``: (H, W[, 3]) uint8, where pictures are wanted in the results.
+    picture, pixels, (0, 0) where not known; ``image``: (H, W[, 3]) uint8, where pictures are wanted in the results;
+    ``frame_id``: of the picture's message, of which the detections are.
     """
 
     frame: int
@@ -25,6 +27,7 @@ class FrameDetections:
     records: RecordArray
     size: tuple[int, int] = (0, 0)
     image: ByteArray | None = None
+    frame_id: str = CAMERA_FRAME
 
 
 class DetectionWriter(Protocol):

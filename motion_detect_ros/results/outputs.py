@@ -13,6 +13,7 @@ from motion_detect_ros.results.detection_writer import FrameDetections
 from motion_detect_ros.results.files import FRAMES_NAME, TIMES_NAME, TextFile
 from motion_detect_ros.results.formats import DEFAULT_FORMATS, FORMATS
 from motion_detect_ros.results.rows import FRAMES_HEADER, TIMES_HEADER, frames_row, times_row
+from motion_detect_ros.sources.frames import CAMERA_FRAME
 
 
 class _Outputs:
@@ -62,11 +63,14 @@ class ReplayOutputs(_Outputs):
             self._detections = files.enter_context(DetectionOutputs(folder, source, formats))
             self._files = files.pop_all()
 
-    def write(self, frame: int, decode_ms: float, result: Result, image: ByteArray | None = None) -> None:
+    def write(
+        self, frame: int, decode_ms: float, result: Result, image: ByteArray | None = None,
+        frame_id: str = CAMERA_FRAME,
+    ) -> None:
         """Add one processed frame; decode_ms: what reading and decoding it took; image: (H, W[, 3]) uint8, where the
-        results are to hold it with its boxes.
+        results are to hold it with its boxes; frame_id: of its optical axis.
         """
         size = result.flow.width, result.flow.height
-        self._detections.write(FrameDetections(frame, result.stamp_ns, result.detections, size, image))
+        self._detections.write(FrameDetections(frame, result.stamp_ns, result.detections, size, image, frame_id))
         self._frames.add(frames_row(frame, result))
         self._times.add(times_row(frame, decode_ms, result))

@@ -47,10 +47,10 @@ class BagFrames:
         self.path = Path(path)
         self.name = self.path.resolve().stem
         self.topic = _choose_topic(self.path, self._reader.topics, topic)
+        self.complaints: tuple[str, ...] = ()
         self.camera_topic = self._choose_camera_topic()
         self.camera_info = self._read_camera_info()
         self.camera = camera_of(self.camera_info, rectified) if self.camera_info is not None else None
-        self.complaints: tuple[str, ...] = ()
         self._rectified = rectified
         self.bad_frames, self.bad_reason, self.frames_passed = 0, '', 0
         self._window = window
@@ -79,12 +79,12 @@ class BagFrames:
             if choice is Choice.SKIP:
                 continue
             try:
-                image, stamp_ns = decode_message(message, decoder)
+                image, stamp_ns, frame_id = decode_message(message, decoder)
             except MotionDetectError as error:
                 self.bad_frames += 1
                 self.bad_reason = first_reason(self.bad_reason, index, error)
                 continue
-            yield SourceFrame(index, image, stamp_ns, self._camera_of(image, stamp_ns, calibration))
+            yield SourceFrame(index, image, stamp_ns, self._camera_of(image, stamp_ns, calibration), frame_id)
 
     def _camera_of(self, image: ByteArray, stamp_ns: int, calibration: Calibration) -> CameraModel | None:
         height, width = image.shape[:2]
@@ -141,12 +141,17 @@ class BagFrames:
         return named[0].name if named else None
 
     def _choose_camera_topic(self) -> str | None:
-        """The CameraInfo beside the image topic, or the only one in the bag."""
-        infos = [topic.name for topic in self._reader.topics
-                 if _holds(topic, messages.CAMERA_INFO) and topic.count]
-        beside = self.topic.name.removesuffix(_COMPRESSED).rpartition('/')[0] + '/camera_info'
-        named = [name for name in infos if '/' + name.lstrip('/') == '/' + beside.lstrip('/')] or infos
-        return named[0] if len(named) == 1 else None
+        """The CameraInfo beside the image topic, or the only one in the bag that is beside no other image topic."""
+        with_messages = [topic for topic in self._reader.topics if topic.count]
+        infos = [topic.name for topic in with_messages if _holds(topic, messages.CAMERA_INFO)]
+        beside = [name for name in infos if _namespace(name) == _namespace(self.topic.name)]
+        if beside or len(infos) != 1:
+            return beside[0] if beside else None
+        only = infos[0]
+        if any(_namespace(topic.name) == _namespace(only) for topic in with_messages if _holds(topic, *IMAGE_TYPES)):
+            self.complaints += (f'{printable(only)} left out, as it is beside another image topic: bearings are NaN',)
+            return None
+        return only
 
     def _read_camera_info(self) -> Any:
         """The first readable message of ``camera_topic``, None where there is none."""
@@ -158,14 +163,19 @@ class BagFrames:
         return None
 
 
+def _namespace(topic: str) -> str:
+    """Of a topic of a camera, which its pictures and their ``camera_info`` share."""
+    return topic.removesuffix(_COMPRESSED).strip('/').rpartition('/')[0]
+
+
 def _note(message: RawMessage, calibration: Calibration) -> None:
     if _holds(message, messages.CAMERA_INFO):
         with suppress(MessageError):
             calibration.note(messages.deserialize(message.data, messages.CAMERA_INFO))
 
 
-def decode_message(message: RawMessage, decoder: ImageDecoder) -> tuple[ByteArray, int]:
-    """Picture, (H, W) grey or (H, W, 3) BGR uint8, and header stamp (ns) of an Image or CompressedImage.
+def decode_message(message: RawMessage, decoder: ImageDecoder) -> tuple[ByteArray, int, str]:
+    """Picture, (H, W) grey or (H, W, 3) BGR uint8, header stamp (ns) and frame_id of an Image or CompressedImage.
 
     decoder: of the topic. Raises: MessageError, SourceError where it holds no picture.
     """
@@ -175,7 +185,7 @@ def decode_message(message: RawMessage, decoder: ImageDecoder) -> tuple[ByteArra
     else:
         image = decoder.decode(content.height, content.width, content.encoding, bool(content.is_bigendian),
                                content.step, content.data)
-    return image, messages.stamp_of(content)
+    return image, messages.stamp_of(content), str(content.header.frame_id)
 
 
 def _messages(reader: BagReader, topic: str | None, msgtype: str) -> Iterator[RawMessage]:

@@ -31,13 +31,14 @@ class SourceFrame:
 
     ``index``: position in the source, from 0; an unreadable frame uses its index up, so that truth stays aligned.
     ``image``: (H, W) grey or (H, W, 3) BGR, uint8. ``stamp_ns``: time of the picture by the source's clock, ns.
-    ``camera``: its calibration, None = unknown.
+    ``camera``: its calibration, None = unknown. ``frame_id``: of its optical axis, as the source names it.
     """
 
     index: int
     image: ByteArray
     stamp_ns: int
     camera: CameraModel | None = None
+    frame_id: str = CAMERA_FRAME
 
 
 class FrameSource(Protocol):

@@ -1,5 +1,4 @@
-"""KITTI raw drives: rectified pictures of one camera, the left colour one as a rule, their stamps, calibration, inertial
-data.
+"""KITTI raw drives: rectified pictures of a camera, the left colour one as a rule, stamps, calibration, inertial data.
 
 Source: Geiger, Lenz, Stiller, Urtasun, "Vision meets Robotics: The KITTI Dataset", IJRR 2013; folder layout and
 field meanings from the raw data development kit.
@@ -93,8 +92,7 @@ class KittiDrive:
     calibration: Calibration | None
 
     def __init__(self, drive: str | Path, window: Window = WHOLE, images: str = IMAGE_FOLDER) -> None:
-        """images: folder of the camera, image_00 to image_03. Raises: SourceError where it is not laid out as a raw drive.
-        """
+        """images: folder of the camera, image_00 to image_03. Raises: SourceError where it is no such folder."""
         self.path = Path(drive)
         if not is_kitti_drive(self.path, images):
             found = describe_folder(self.path) if self.path.is_dir() else 'no such folder'
@@ -165,7 +163,7 @@ def is_kitti_drive(folder: Path, images: str = IMAGE_FOLDER) -> bool:
 
 
 def camera_of_pictures(folder: Path) -> tuple[Path, str] | None:
-    """Drive and camera, ``image_0N``, of a folder ``image_0N/data`` with the stamps beside it; None for any other one."""
+    """Drive and camera, ``image_0N``, of a folder ``image_0N/data`` with the stamps beside it; None of another."""
     is_camera = folder.name == 'data' and _CAMERA_FOLDER.fullmatch(folder.parent.name)
     if not is_camera or not (folder.parent / 'timestamps.txt').is_file():
         return None

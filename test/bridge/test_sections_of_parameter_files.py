@@ -97,7 +97,8 @@ def test_errors_name_the_nested_node(tmp_path: Path, text: str, words: str):
 
 def test_ros_finds_in_a_written_file_what_the_sections_said(tmp_path: Path):
     start, written = tmp_path / 'start.yaml', tmp_path / 'written.yaml'
-    start.write_text(f'{ALL}fleet: {{drone1: {{{PIPELINE.strip()}}}}}\n/other/pipeline: {{ros__parameters: {{fps: 3.0}}}}\n')
+    start.write_text(f'{ALL}fleet: {{drone1: {{{PIPELINE.strip()}}}}}\n'
+                     '/other/pipeline: {ros__parameters: {fps: 3.0}}\n')
     write_preset(written, load_preset(start), of_nodes=node_sections(start))
     assert by_rclpy(written, '/fleet/drone1')['rectified'] is True
     assert by_rclpy(written)['rectified'] is False

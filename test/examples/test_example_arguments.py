@@ -93,7 +93,7 @@ def test_without_a_calibration_the_missing_bearings_are_told(name: str, peer: Pe
         def told() -> bool:
             detections.publish(detections_to_msg(empty_detections(1), Header()))
             peer.rest(0.1)
-            return 'no bearings: camera_info is missing or all zero' in log.read_text()
+            return 'objects without bearings: camera_info is missing or all zero' in log.read_text()
 
         assert peer.until(told)
         process.send_signal(signal.SIGINT)

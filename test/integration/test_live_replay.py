@@ -181,6 +181,8 @@ def test_compressed_rectified_images(patient: list[str], tmp_path: Path):
         ray = np.stack([(x - 150.0) / 250.0, (y - 110.0) / 200.0, np.ones(len(seen))])
         bearing = [seen[f'bearing_{axis}'] for axis in 'xyz']
         np.testing.assert_allclose(bearing, ray / np.linalg.norm(ray, axis=0), atol=1e-5)
+        clouds = contents(tmp_path / name / 'detections.mcap')['/detections']
+        assert {cloud.header.frame_id for _, cloud in clouds} == {'camera'}, 'that of the images'
     assert rows(tmp_path / 'live') == rows(tmp_path / 'offline')
     summary = json.loads((tmp_path / 'live' / 'summary.json').read_text())
     assert (summary['frames'], summary['answered'], summary['live']) == (FRAMES, FRAMES, True)
@@ -493,8 +495,10 @@ def test_a_name_that_ros_refuses_is_one_line_before_anything_starts(
 def test_a_long_name_is_played_whatever_the_file_says_of_single_nodes(tmp_path: Path):
     """Too long for a topic of ROS; the player gives its messages another one. What arrives is for the bag to say."""
     settings = tmp_path / 'mine.yaml'
-    settings.write_text('/**: {ros__parameters: {art2.vigilance: 0.3}}\n' + ''.join(f'/{node}: {{ros__parameters: {{image_transport: compressed, first_id: {first}}}}}\n'
-                                for first, node in enumerate(STAGES, start=70)))
+    everybody = '/**: {ros__parameters: {art2.vigilance: 0.3}}\n'
+    settings.write_text(everybody + ''.join(
+        f'/{node}: {{ros__parameters: {{image_transport: compressed, first_id: {first}}}}}\n'
+        for first, node in enumerate(STAGES, start=70)))
     with BagWriter(tmp_path / 'a.mcap') as bag:
         for index in range(3):
             bag.write_image(scene(index), (index + 1) * PERIOD_NS, f'/{"camera" * 50}/image_raw')

@@ -107,6 +107,16 @@ def test_a_summary_of_wrong_types_is_trouble_of_that_folder(results: Path, tmp_p
     assert f'{FRAMES}' in page, 'the other is there as it was'
 
 
+def test_warnings_of_the_replay_are_told(results: Path, tmp_path: Path):
+    pytest.importorskip('jinja2', reason='jinja2 is not installed (extra "report")')
+    file = results / 'summary.json'
+    file.write_text(json.dumps({**json.loads(file.read_text()), 'warnings': ['camera_info refused: <1 px', 'no end']}))
+    page, index = make_report(results).read_text(), make_index(tmp_path).read_text()
+    assert 'Warning: camera_info refused: &lt;1 px' in page
+    assert 'Warning: no end' in page
+    assert 'camera_info refused: &lt;1 px; no end' in index
+
+
 def test_objects(results: Path):
     first, second, third = tracked_objects(read_replayed(results))
     assert (first.identity, second.identity, third.identity) == (7, 12, 3)

@@ -97,6 +97,18 @@ def test_pictures_carry_their_boxes(tmp_path: Path) -> None:
     assert np.abs(drawn[2] - 100).max() < 8, 'nothing was found there'
 
 
+def test_messages_are_in_the_frame_of_the_picture(tmp_path: Path) -> None:
+    grey = np.full((480, 640), 100, np.uint8)
+    found = [FrameDetections(each.frame, each.stamp_ns, each.records, each.size, grey, frame_id)
+             for each, frame_id in zip(FOUND, ('front_optical', 'rear_optical', ''), strict=True)]
+    write(tmp_path, 'mcap', found=found)
+    written = contents(tmp_path / 'detections.mcap')
+    for topic in ('/detections', '/detections_2d', '/overlay/overlay/compressed'):
+        assert [message.header.frame_id for _, message in written[topic]] == ['front_optical', 'rear_optical', '']
+    boxes = [box.header.frame_id for _, message in written['/detections_2d'] for box in message.detections]
+    assert set(boxes) == {'front_optical', 'rear_optical'}
+
+
 def test_without_pictures_there_is_no_topic_for_them(tmp_path: Path) -> None:
     write(tmp_path, 'mcap')
     assert sorted(contents(tmp_path / 'detections.mcap')) == ['/annotations', '/detections', '/detections_2d']

@@ -71,6 +71,31 @@ def test_a_bag_without_any_has_uncalibrated_pictures(tmp_path: Path) -> None:
     assert focal_lengths(written(tmp_path / 'none.mcap', [('image', 0, 0.0), ('image', 1, 0.0)])) == [None, None]
 
 
+@pytest.mark.parametrize(('images', 'infos', 'focal_px'), [
+    (['/front/image_raw'], ['/camera_info'], 500.0),
+    (['/front/image_raw', '/overlay/image'], ['/lens/camera_info'], 500.0),
+    (['/front/image_raw', '/rear/image_raw'], ['/front/camera_info', '/rear/camera_info'], 500.0),
+    (['/front/image_raw', '/front/image_raw/compressed'], ['/front/camera_info'], 500.0),
+    (['/front/image_raw', '/rear/image_raw'], ['/rear/camera_info'], None),
+    (['/front/image_raw', '/rear/image_raw/compressed'], ['/rear/camera_info'], None),
+    (['/front/image_raw'], ['/rear/camera_info', '/camera_info'], None)])
+def test_that_of_another_camera_is_not_taken(
+    tmp_path: Path, images: list[str], infos: list[str], focal_px: float | None,
+) -> None:
+    with BagWriter(tmp_path / 'cameras.mcap', compress=False) as writer:
+        for topic in images:
+            if topic.endswith('compressed'):
+                writer.write_compressed(b'none', 'png', BEGIN, topic)
+            else:
+                writer.write_image(np.zeros((HEIGHT, WIDTH), np.uint8), BEGIN, topic)
+        for number, topic in enumerate(infos):
+            writer.write_camera_info(lens(500.0 + number), BEGIN, topic)
+    source = BagFrames(tmp_path / 'cameras.mcap', 'front/image_raw')
+    assert [frame.camera and frame.camera.fx for frame in source] == [focal_px]
+    said = ('/rear/camera_info left out, as it is beside another image topic: bearings are NaN',)
+    assert source.complaints == (said if infos == ['/rear/camera_info'] else ())
+
+
 def test_one_of_another_size_is_refused_as_by_the_nodes(tmp_path: Path) -> None:
     with BagWriter(tmp_path / 'size.mcap', compress=False) as writer:
         for number in range(4):

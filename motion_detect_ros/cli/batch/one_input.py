@@ -139,7 +139,7 @@ def _process(
                 tally.bad_frames += 1
                 tally.bad_reason = first_reason(tally.bad_reason, done.index, done.refused)
             else:
-                outputs.write(done.index, done.decode_ms, done.result, done.image)
+                outputs.write(done.index, done.decode_ms, done.result, done.image, done.frame_id)
                 tally.add(done.result, done.tuned)
             watch(done.index + 1, source.frame_count)
 
@@ -207,6 +207,7 @@ class DoneFrame:
     tuned: Tuned
     calibrated: bool
     refused: str
+    frame_id: str
 
 
 def _detected(
@@ -218,7 +219,7 @@ def _detected(
         result = None if isinstance(motion, FrameError) else pipeline.detect(motion)
         image = timed.frame.image if overlay else None
         yield DoneFrame(timed.frame.index, timed.decode_ms, image, result, pipeline.tuned,
-                        timed.frame.camera is not None, refused)
+                        timed.frame.camera is not None, refused, timed.frame.frame_id)
 
 
 def _timed(source: FrameSource, path: str, tally: Tally) -> Iterator[TimedFrame]:
