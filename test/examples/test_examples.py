@@ -123,6 +123,7 @@ class TestPlanner:
         assert float(lowest_s[1]) < np.nanmin(true_ttc_s) < float(lowest_s[1]) + 0.1
 
 
+@pytest.mark.messages
 class TestFollow:
     def test_target_stays_until_it_is_lost(self) -> None:
         target = example('follow').Target(lost_s=1.0)
@@ -179,6 +180,7 @@ def frame_of(flow: Flown, message) -> int:
     return round((stamp_ns(message.header) - flow.config.start_stamp_ns) * flow.config.fps / 1e9)
 
 
+@pytest.mark.messages
 class TestBearingsToPoints:
     def test_points_stand_in_the_true_directions_at_the_assumed_range(self, flown: dict[str, Flown]) -> None:
         dtype = example('bearings_to_points').POINT
@@ -269,6 +271,7 @@ class TestAutopilotFrames:
         assert np.flatnonzero(np.isfinite(ranges)).tolist() == [18, 36]
         assert ranges[[18, 36]] == pytest.approx([4.0 * down, 3.2]), 'of two the nearer'
 
+    @pytest.mark.messages
     def test_points_at_the_true_objects_in_the_world(self, flown: dict[str, Flown]) -> None:
         """The truth comes from the scene: pixel and true pose of the camera, no attitude, no body frame."""
         dtype, hits, aimed = example('autopilot_frames').NED, 0, 0
@@ -286,6 +289,7 @@ class TestAutopilotFrames:
         assert aimed > 5
         assert hits / aimed > 0.6
 
+    @pytest.mark.messages
     def test_scan_marks_the_sectors_of_the_objects_only(self, flown: dict[str, Flown]) -> None:
         scans = flown['town'].answers['obstacles']
         counts = {message.stamp_ns: len(message.records) for message in flown['town'].detections}
@@ -299,6 +303,7 @@ class TestAutopilotFrames:
             assert (known.sum() > 0) == (counts[stamp_ns(scan.header)] > 0)
 
 
+@pytest.mark.messages
 class TestReadDetectionsMcap:
     def test_prints_what_the_csv_of_the_replay_holds(self, flown: dict[str, Flown], tmp_path: Path) -> None:
         replay = [sys.executable, '-m', 'motion_detect_ros', 'replay', flown['town'].bag, '-o', tmp_path]

@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from peers import PATIENT, TIMEOUT_S, Peer, picture, ready, small
 from sensor_msgs.msg import Image, PointCloud2
@@ -17,6 +18,8 @@ from motion_detect_ros.bridge.images import header_of, image_to_msg, stamp_ns
 from motion_detect_ros.bridge.load import Stage, StageTime, load_from_msg
 from motion_detect_ros.bridge.records import ego_from_msg, read_detections
 from motion_detect_ros.core.load_control import STEPS
+
+pytestmark = pytest.mark.messages
 
 PICTURES = [picture(index) for index in range(46)]
 

@@ -25,6 +25,8 @@ from motion_detect_ros.core.types import EgoStatus
 from motion_detect_ros.nodes.ego_motion import EgoMotionNode
 from motion_detect_ros.nodes.pipeline import PipelineNode
 
+pytestmark = pytest.mark.messages
+
 K = [300.0, 0.0, 160.0, 0.0, 300.0, 120.0, 0.0, 0.0, 1.0]
 CALIBRATED, UNCALIBRATED = CameraInfo(width=320, height=240, k=K), CameraInfo(width=320, height=240)
 STAGES = ('ego_motion', 'optical_flow', 'art2_clustering')

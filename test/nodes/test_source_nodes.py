@@ -182,6 +182,7 @@ def play(peer, start, bag, received, count, *arguments):
     assert len(received) == count
 
 
+@pytest.mark.messages
 def test_player_plays_what_was_recorded_with_its_stamps(peer, start, bag):
     images, rear = peer.subscribe(Image, 'image_raw'), peer.subscribe(Image, 'rear/image_raw')
     infos, ticks = peer.subscribe(CameraInfo, 'camera_info'), peer.subscribe(Clock, '/clock')
@@ -208,6 +209,7 @@ def clock_ns(ticks) -> list[int]:
     return [tick.clock.sec * NANOSECONDS + tick.clock.nanosec for tick in ticks]
 
 
+@pytest.mark.messages
 def test_the_clock_is_when_messages_were_recorded_and_does_not_go_back(peer, start, tmp_path):
     """Two cameras whose stamps are 30 and 700 ms old when they are recorded; the writer was late with one message."""
     path, log = tmp_path / 'flight.mcap', [STAMPS[0] + ms * 1_000_000 for ms in (0, 10, 20, 5, 30)]
@@ -222,6 +224,7 @@ def test_the_clock_is_when_messages_were_recorded_and_does_not_go_back(peer, sta
     assert clock_ns(ticks) == [log[0], log[1], log[2], log[2], log[4]]
 
 
+@pytest.mark.messages
 def test_a_bag_without_images_has_a_clock(peer, start, tmp_path):
     path, ticks = tmp_path / 'imu.mcap', peer.subscribe(Clock, '/clock')
     with BagWriter(path) as writer:
@@ -237,6 +240,7 @@ def test_a_bag_without_images_has_a_clock(peer, start, tmp_path):
     assert process.poll() is None
 
 
+@pytest.mark.messages
 def test_a_player_without_clock_leaves_it_to_another(peer, start, bag):
     images, ticks = peer.subscribe(Image, 'image_raw'), peer.subscribe(Clock, '/clock')
     start('bag_player', '-p', f'bag:={bag}', '-p', 'loop:=true', '-p', 'clock:=false')
@@ -261,6 +265,7 @@ def test_camera_number_needs_no_quotes(peer, start, tmp_path):
     assert own_lines((tmp_path / 'camera.log').read_text()) == ['87: cannot be opened as a camera']
 
 
+@pytest.mark.messages
 def test_player_plays_chosen_topics_only(peer, start, bag):
     images, rear = peer.subscribe(Image, 'image_raw'), peer.subscribe(Image, 'seen')
     play(peer, start, bag, rear, 1, '-p', 'topics:=/rear/image_raw', '-r', 'rear/image_raw:=seen')
@@ -295,6 +300,7 @@ LEFT_OUT = ('left out, recorded results of this package: /detections, /diagnosti
     (('-p', 'play_results:=false', '-p', 'topics:=image_raw,detections'), 8, ''),
     ((), 8, ''),
 ], ids=['left out', 'named', 'as ros2 bag play'])
+@pytest.mark.messages
 def test_recorded_results_are_played_unless_a_detector_runs(
         peer, start, tmp_path, recorded_run, arguments, results, left_out):
     images, others = peer.subscribe(Image, 'image_raw'), peer.subscribe(PointCloud2, 'lidar/flow')
@@ -310,6 +316,7 @@ def test_recorded_results_are_played_unless_a_detector_runs(
     assert said == ([left_out] if left_out else [])
 
 
+@pytest.mark.messages
 def test_a_bag_of_nothing_but_results_is_refused(start, tmp_path):
     path = tmp_path / 'results.mcap'
     with BagWriter(path) as writer:
@@ -318,6 +325,7 @@ def test_a_bag_of_nothing_but_results_is_refused(start, tmp_path):
     assert 'expected messages to play, found none' in (tmp_path / 'bag_player.log').read_text()
 
 
+@pytest.mark.messages
 def test_a_bag_without_a_known_type_is_not_played_for_ever(peer, start, tmp_path):
     path = tmp_path / 'flight.mcap'
     with path.open('wb') as file:
@@ -331,6 +339,7 @@ def test_a_bag_without_a_known_type_is_not_played_for_ever(peer, start, tmp_path
     assert f'{path}: expected a topic that can be played, got none' in (tmp_path / 'bag_player.log').read_text()
 
 
+@pytest.mark.messages
 def test_late_subscribers_get_the_static_transforms(peer, start, tmp_path):
     """By the topic's name: tf2_msgs, its usual type, has no wheels."""
     path, kind = tmp_path / 'flight.mcap', 'geometry_msgs/msg/TransformStamped'
@@ -347,6 +356,7 @@ def test_late_subscribers_get_the_static_transforms(peer, start, tmp_path):
     assert received[0].child_frame_id == 'camera'
 
 
+@pytest.mark.messages
 def test_player_starts_again_at_the_end(peer, start, bag):
     images = peer.subscribe(Image, 'image_raw')
     start('bag_player', '-p', f'bag:={bag}', '-p', 'loop:=true', '-p', 'rate:=10', '-p', 'wait_for_subscribers:=1',
@@ -416,6 +426,7 @@ def long_bag(tmp_path):
     return path
 
 
+@pytest.mark.messages
 def test_player_is_steered_while_it_plays(peer, start, long_bag):
     images = peer.subscribe(Image, 'image_raw')
     process = start('bag_player', '-p', f'bag:={long_bag}', '-p', 'wait_for_nodes:=peer', '-p', 'position_s:=3000.0',
@@ -438,6 +449,7 @@ def test_player_is_steered_while_it_plays(peer, start, long_bag):
         STAMPS[0] + index * 100 * NANOSECONDS for index in range(10, 37)]
 
 
+@pytest.mark.messages
 def test_player_waits_for_the_stages_and_not_for_just_anybody(peer, start, bag, tmp_path):
     images, detections = peer.subscribe(Image, 'image_raw'), peer.subscribe(PointCloud2, 'detections')
     start('bag_player', '-p', f'bag:={bag}', '-p', 'wait_for_nodes:=pipeline', *lossless('image_raw'))
@@ -522,6 +534,7 @@ def recorded_at(path, times_ns):
 
 
 @pytest.mark.parametrize('wild', [2**63 + 5, 2**64 - 1, STAMPS[0] + 30 * 86_400 * NANOSECONDS, 0])
+@pytest.mark.messages
 def test_a_wild_time_of_recording_neither_stops_the_player_nor_the_clock(peer, start, tmp_path, wild):
     path = recorded_at(tmp_path / 'wild.mcap', [*STAMPS[:4], wild, *STAMPS[5:]])
     images, ticks = peer.subscribe(Image, 'image_raw'), peer.subscribe(Clock, '/clock')
@@ -533,6 +546,7 @@ def test_a_wild_time_of_recording_neither_stops_the_player_nor_the_clock(peer, s
     assert (tmp_path / 'bag_player.log').read_text().count('not waited for') == 1
 
 
+@pytest.mark.messages
 def test_a_recorder_without_a_clock_at_first(peer, start, tmp_path):
     path = recorded_at(tmp_path / 'zero.mcap', [0, *STAMPS[1:]])
     images, ticks = peer.subscribe(Image, 'image_raw'), peer.subscribe(Clock, '/clock')
@@ -543,6 +557,7 @@ def test_a_recorder_without_a_clock_at_first(peer, start, tmp_path):
     assert clock_ns(ticks) == [0, *STAMPS[1:]]
 
 
+@pytest.mark.messages
 def test_a_recording_whose_clock_was_set_back_keeps_its_pace_and_the_clock_goes_back_with_it(peer, start, tmp_path):
     """By an hour after three of eight images, which are 5 s apart."""
     times = [STAMPS[0] + 5 * index * NANOSECONDS + 3600 * NANOSECONDS * (index < 3) for index in range(8)]
@@ -559,6 +574,7 @@ def test_a_recording_whose_clock_was_set_back_keeps_its_pace_and_the_clock_goes_
     assert said.count('/image_raw was recorded -3595.0 s from the time of those before it: not waited for') == 1
 
 
+@pytest.mark.messages
 def test_topics_that_cannot_be_played_cost_themselves_only(peer, start, tmp_path):
     """A JSON channel without a schema, and names that ROS 2 does not allow, as other tools write them."""
     path, images = tmp_path / 'odd.mcap', peer.subscribe(Image, 'image_raw')
@@ -584,6 +600,7 @@ def test_topics_that_cannot_be_played_cost_themselves_only(peer, start, tmp_path
         assert printed.count(f'topic {name}: ') == 1
 
 
+@pytest.mark.messages
 def test_a_topic_with_two_types_is_played_with_the_first(peer, start, tmp_path):
     path, images = tmp_path / 'two.mcap', peer.subscribe(Image, 'image_raw')
     with BagWriter(path) as writer:
@@ -599,6 +616,7 @@ def test_a_topic_with_two_types_is_played_with_the_first(peer, start, tmp_path):
     assert (tmp_path / 'bag_player.log').read_text().count(said) == 1
 
 
+@pytest.mark.messages
 def test_messages_that_cannot_be_converted_are_counted_and_not_played(peer, start, tmp_path):
     """Every second message of a ROS 1 recording in MCAP holds no image."""
     path, images = tmp_path / 'ros1.mcap', peer.subscribe(Image, 'image_raw')
@@ -657,6 +675,7 @@ def seconds(ticks) -> list[float]:
     return [value / NANOSECONDS - 100.0 for value in clock_ns(ticks)]
 
 
+@pytest.mark.messages
 def test_a_jump_ahead_does_not_turn_the_clock_back(peer, start, transforms):
     ticks = peer.subscribe(Clock, '/clock')
     start('bag_player', '-p', f'bag:={transforms}', '-p', 'position_s:=5.0')
@@ -667,6 +686,7 @@ def test_a_jump_ahead_does_not_turn_the_clock_back(peer, start, transforms):
     assert 5.0 <= seconds(ticks)[0] < 15.0  # the first ones may be lost
 
 
+@pytest.mark.messages
 def test_a_jump_beyond_the_end_is_told(peer, start, transforms, tmp_path):
     process = start('bag_player', '-p', f'bag:={transforms}', '-p', 'position_s:=20.0')
     assert set_parameters(peer, 'bag_player', position_s=500.0) == ['']
@@ -674,6 +694,7 @@ def test_a_jump_beyond_the_end_is_told(peer, start, transforms, tmp_path):
     assert 'position_s: 500 is after the end of' in (tmp_path / 'bag_player.log').read_text()
 
 
+@pytest.mark.messages
 def test_a_player_that_is_activated_again_starts_where_it_is_told(peer, start, transforms):
     ticks = peer.subscribe(Clock, '/clock')
     start('bag_player', '-p', f'bag:={transforms}', '-p', 'position_s:=7.0')
