@@ -10,6 +10,7 @@ import argparse
 import hashlib
 import json
 import math
+import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -137,7 +138,10 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
 
 def _recordings(arguments: argparse.Namespace, rectified: bool) -> list[Recording]:
     """Raises: SourceError where inputs and truth do not fit together."""
-    paths = expand_inputs(arguments.inputs, arguments.output).paths
+    inputs = expand_inputs(arguments.inputs, arguments.output)
+    for words in inputs.left_out:
+        print(f'caution: {words}', file=sys.stderr)
+    paths = inputs.paths
     check_rate_is_used('--fps', arguments.fps, paths)
     if arguments.output.resolve() in [Path(path).resolve() for path in paths]:
         raise SourceError(f'{arguments.output}: expected another folder for the outputs than the input itself; choose '

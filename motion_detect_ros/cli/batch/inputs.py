@@ -12,7 +12,7 @@ from motion_detect_ros.cli.demo_files import RECORD_NAME, VIDEO
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.results.files import BAG_NAME, SUMMARY_NAME
 from motion_detect_ros.sources.bag_reader import BAG_SUFFIXES
-from motion_detect_ros.sources.bags import METADATA_NAME, is_recording
+from motion_detect_ros.sources.bags import METADATA_NAME, is_bag, is_recording
 from motion_detect_ros.sources.images import image_files, natural_key
 from motion_detect_ros.sources.kitti import is_kitti_drive
 from motion_detect_ros.sources.opening import looks_like_source
@@ -22,10 +22,13 @@ from motion_detect_ros.tuning.study import STORAGE_NAME
 
 @dataclass(frozen=True)
 class Inputs:
-    """``paths``: absolute, no two the same; ``several``: the words may mean more than one, even if it is one today."""
+    """``paths``: absolute, no two the same; ``several``: the words may mean more than one, even if it is one today;
+    ``left_out``: what in the folders given is none of them though it might be, in words.
+    """
 
     paths: tuple[str, ...]
     several: bool
+    left_out: tuple[str, ...] = ()
 
 
 def expand_inputs(words: Sequence[str], output: Path) -> Inputs:
@@ -45,6 +48,7 @@ def expand_inputs(words: Sequence[str], output: Path) -> Inputs:
         except RuntimeError:  # up to Python 3.12
             raise SourceError(f'{given}: expected a file or folder, got a link that leads to itself') from None
     found: dict[Path, None] = {}
+    left_out: dict[str, None] = {}
     several = len(words) > 1
     for word in words:
         path = Path(word)
@@ -58,9 +62,11 @@ def expand_inputs(words: Sequence[str], output: Path) -> Inputs:
                                   'a result of an earlier replay; name the file itself to replay it')
             several = several or bool(inside)
             found |= dict.fromkeys(inside or [path.absolute()])
+            left_out |= dict.fromkeys(_left_out(inside, output.absolute()))
         else:
             found[path.absolute()] = None
-    return Inputs(tuple(map(str, _distinct(found))), several)
+            left_out |= dict.fromkeys(_left_out([path.absolute()] if path.is_dir() else [], output.absolute()))
+    return Inputs(tuple(map(str, _distinct(found))), several, tuple(left_out))
 
 
 def is_source_folder(folder: Path) -> bool:
@@ -73,6 +79,26 @@ def is_source_folder(folder: Path) -> bool:
         return bool(image_files(folder))
     except OSError:  # what is wrong with it is said when it is opened
         return True
+
+
+def _left_out(inputs: Sequence[Path], output: Path) -> Iterator[str]:
+    """In words, inputs in folders of pictures, and pictures beside recordings: neither is taken with the other."""
+    for folder in dict.fromkeys(path if path.is_dir() else path.parent for path in inputs):
+        try:
+            pictures, taken = image_files(folder), folder in inputs
+            of_demo, known = (folder / RECORD_NAME).is_file(), taken and (is_bag(folder) or is_kitti_drive(folder))
+            if not pictures or of_demo or known:
+                continue
+            within = [each for entry in sorted(folder.iterdir()) if taken and entry.is_dir() and entry.name[0] != '.'
+                      for each in _inside(entry, output)]
+        except OSError:  # what is wrong with it is said when it is opened
+            continue
+        if within:
+            more = f' and {len(within) - 1} more' if within[1:] else ''
+            yield (f'{folder}: its pictures are one input, so the folders in it are not looked into; '
+                   f'left out: {within[0].relative_to(folder)}{more}')
+        elif not taken:
+            yield f'{folder}: {len(pictures)} pictures beside recordings are left out'
 
 
 def size_of(path: str) -> int | None:

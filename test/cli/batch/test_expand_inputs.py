@@ -96,6 +96,25 @@ def test_what_does_not_exist_stays_so_that_it_is_said_with_the_others(tmp_path: 
     assert expanded(tmp_path, 'a.mcap', 'no.mcap') == (['a.mcap', 'no.mcap'], True)
 
 
+def test_what_pictures_keep_from_being_an_input_is_told(tmp_path: Path):
+    touch(tmp_path, 'flights/cover.png', 'flights/seq/1.png', 'flights/seq/2.png', 'flights/clip/a.mp4',
+          'flights/.hidden/1.png', 'videos/a.mp4', 'videos/b.mcap', 'videos/1.jpg', 'videos/2.jpg', 'plain/1.png',
+          'demo/flight.mcap', 'demo/demo.json', 'demo/contact_sheet.png')
+
+    def told(*words: str) -> tuple[str, ...]:
+        return expand_inputs([str(tmp_path / word) for word in words], tmp_path / 'out').left_out
+
+    flights, videos = tmp_path / 'flights', tmp_path / 'videos'
+    assert expanded(tmp_path, 'flights') == (['flights'], False)
+    of_flights = (f'{flights}: its pictures are one input, so the folders in it are not looked into; '
+                  'left out: clip/a.mp4 and 1 more')
+    assert told('flights') == (of_flights,)
+    assert told('videos') == (f'{videos}: 2 pictures beside recordings are left out',)
+    assert told('.') == (of_flights, f'{videos}: 2 pictures beside recordings are left out')
+    assert told('plain', 'demo', 'flights/seq', 'videos/a.mp4', 'videos/*.mcap') == ()
+    assert main(['replay', str(tmp_path / 'flights'), '-o', str(tmp_path / 'out'), '--no-report']) == 1
+
+
 def test_patterns_without_matches(tree: Path):
     with pytest.raises(SourceError, match=r'flights/\*.avi: no file or folder matches$'):
         expanded(tree, 'flights/*.avi')
