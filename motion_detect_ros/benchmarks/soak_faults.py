@@ -125,7 +125,7 @@ class Graph:
             *([('stream is cut', self.stream.cut)] if self.stream else []),
             ('parameter that holds at once', lambda: set_to('art2.vigilance', 0.2)),
             ('clock - 1 h', lambda: self.feeder.shift(-3600.0)),
-            ('parameter that clears history', lambda: set_to('preprocessing.ignore_top_px', 16)),
+            ('parameter that clears history', lambda: set_to('preprocessing.ignore_top_px', 14)),
         ]
 
 

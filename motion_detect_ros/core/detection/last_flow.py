@@ -56,4 +56,5 @@ class LastFlow:
 
 def _moved(candidate: Candidate, ego: EgoMotion) -> Candidate:
     centre, velocity = carried(ego.matrix, candidate.centre, candidate.velocity_px_s, ego.dt_s)
-    return replace(candidate, centre=centre, velocity_px_s=velocity, size=length_scale(ego.matrix) * candidate.size)
+    scale = length_scale(ego.matrix.tolist(), candidate.centre.tolist())
+    return replace(candidate, centre=centre, velocity_px_s=velocity, size=scale * candidate.size)

@@ -7,6 +7,7 @@ import numpy as np
 
 from motion_detect_ros.core.geometry.resizing import shrunk
 from motion_detect_ros.core.geometry.warp import at_scale, stabilise
+from motion_detect_ros.core.preprocessing.scene_mask import WHOLE
 from motion_detect_ros.core.types import ByteArray, DoubleArray, FloatArray, PreparedFrame
 
 #: Inliers closer to the motion than this agree too well for chance, working-resolution px: noise leaves 1.5 and more.
@@ -25,12 +26,17 @@ COMPARED_WIDTH_PX, CELL_PX, CELL_NOISE_GRAY, RIVAL_SHARE = 320, 8, 2.0, 0.2
 def agrees(previous: PreparedFrame, frame: PreparedFrame, matrix: DoubleArray, residual_px: float) -> bool:
     """Whether ``previous``, warped by (3, 3) ``matrix`` (full resolution), looks like ``frame``.
 
-    residual_px: of the inliers, full-resolution pixels; where it is small the answer is True without a look.
+    residual_px: of the inliers, full-resolution pixels; where it is small the answer is True without a look. What the
+    mask leaves out of either of them is not looked at: text and hull are alike without any motion.
     """
     if residual_px * frame.scale <= CLOSE_PX:
         return True
     (before, _), (now, scale) = (shrunk(each.gray, WIDTH_PX) for each in (previous, frame))
-    return _correlation(stabilise(before, at_scale(matrix, scale * frame.scale)), now) >= MIN_CORRELATION
+    warp, scene = at_scale(matrix, scale * frame.scale), None
+    if frame.mask is not None:
+        small = cv2.resize(frame.mask.astype(np.float32), now.shape[::-1], interpolation=cv2.INTER_AREA) > WHOLE
+        scene = (small & (stabilise(small.astype(np.uint8), warp) > 0)).astype(np.float32)
+    return _correlation(stabilise(before, warp), now, scene) >= MIN_CORRELATION
 
 
 def agrees_rather(
@@ -54,14 +60,19 @@ def agrees_rather(
     return bool(np.count_nonzero(rivals) < RIVAL_SHARE * np.count_nonzero(winners))
 
 
-def _correlation(first: ByteArray, second: ByteArray) -> float:
-    """Normalised cross-correlation, -1 to 1, of what differs from its surroundings; 0 where nothing does."""
-    a, b = _details(first), _details(second)
+def _correlation(first: ByteArray, second: ByteArray, scene: FloatArray | None) -> float:
+    """Normalised cross-correlation, -1 to 1, of what differs from its surroundings; 0 where nothing does.
+
+    scene: (h, w), 1 where the scene is seen, else 0; None = everywhere.
+    """
+    a, b = _details(first, scene), _details(second, scene)
     power = float(np.sqrt((a * a).sum() * (b * b).sum()))
     return float((a * b).sum()) / power if power > 0.0 else 0.0
 
 
-def _details(gray: ByteArray) -> FloatArray:
-    values = gray.astype(np.float32)
-    details: FloatArray = values - cv2.blur(values, (BACKGROUND_PX, BACKGROUND_PX))
-    return details
+def _details(gray: ByteArray, scene: FloatArray | None) -> FloatArray:
+    values, window = gray.astype(np.float32), (BACKGROUND_PX, BACKGROUND_PX)
+    if scene is None:
+        return np.asarray(values - cv2.blur(values, window), np.float32)
+    seen = np.maximum(cv2.blur(scene, window), np.float32(1.0 - WHOLE))
+    return np.asarray(scene * (values - cv2.blur(scene * values, window) / seen), np.float32)

@@ -9,10 +9,14 @@ import numpy as np
 
 from motion_detect_ros.core.errors import BackendError
 from motion_detect_ros.core.kernels import kernel
+from motion_detect_ros.core.preprocessing.scene_mask import inner_scene
 from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
 
-#: Window of the corner response, and least distance of points from border and mask, pixels.
+#: Window of the corner response, and least distance of points from the border, pixels.
 BLOCK_PX = 5
+#: Least distance from what the mask leaves out, pixels: neither the corner response at half resolution nor the window
+#: of the tracker, of 16 px, may see text or hull, which stand still.
+MASKED_PX = 7
 #: Width from which corners are detected at half resolution: tracking needs texture, not an exact corner position.
 HALVED_FROM_PX = 640
 #: Cells over which points are distributed.
@@ -41,7 +45,7 @@ class AllowedPlaces:
         self._allowed: BoolArray | None = None
 
     def of(self, shape: tuple[int, ...], mask: BoolArray | None) -> BoolArray:
-        """(H, W) = ``shape``: pixels at least ``BLOCK_PX`` away from the border and from pixels masked out."""
+        """(H, W) = ``shape``: pixels at least ``BLOCK_PX`` from the border, ``MASKED_PX`` from what is masked out."""
         if self._allowed is None or self._allowed.shape != shape or mask is not self._mask:
             self._mask, self._allowed = mask, _allowed(shape, mask)
         return self._allowed
@@ -57,7 +61,7 @@ def find_features(
     Stephens 1988), ``fast`` (Rosten and Drummond 2006), ``orb`` (FAST over scales, ranked by Harris, Rublee et al.
     2011), ``brisk`` (Leutenegger et al. 2011), ``mser`` (centres of small maximally stable regions, Matas et al. 2002).
     gray: (H, W) uint8; quality: smallest strength, relative to the best; mask: (H, W), no points where it is
-    False, nor within ``BLOCK_PX`` of it; places: of earlier calls.
+    False, nor within ``MASKED_PX`` of it; places: of earlier calls.
     Returns (N, 2) float32, pixels (x, y), N <= max(count, number of cells).
     Raises: BackendError for a kind that is unknown or not in this OpenCV.
     Source of the grid: Kitt et al. 2010.
@@ -125,14 +129,9 @@ def _keypoints(found: tuple[cv2.KeyPoint, ...]) -> tuple[DoubleArray, DoubleArra
 
 
 def _allowed(shape: tuple[int, ...], mask: BoolArray | None) -> BoolArray:
-    """(H, W): pixels at least ``BLOCK_PX`` away from the border and from pixels masked out."""
     inside = (slice(BLOCK_PX, -BLOCK_PX),) * 2
     allowed = np.zeros(shape, np.bool_)
-    if mask is None:
-        allowed[inside] = True
-    else:
-        side = 2 * BLOCK_PX + 1
-        allowed[inside] = cv2.erode(mask.view(np.uint8), np.ones((side, side), np.uint8))[inside].view(np.bool_)
+    allowed[inside] = True if mask is None else inner_scene(mask, MASKED_PX)[inside]
     return allowed
 
 

@@ -28,15 +28,23 @@ def carried(
 
 def carried_pair(rows: Rows, centre: Pair, velocity: Pair, dt_s: float) -> tuple[Pair, Pair]:
     """As ``carried``, of plain numbers."""
+    (u, v), (a, b), (d, e) = _linear(rows, centre)
+    vx, vy = a * velocity[0] + b * velocity[1], d * velocity[0] + e * velocity[1]
+    return (u + PIXEL_CENTRE + vx * dt_s, v + PIXEL_CENTRE + vy * dt_s), (vx, vy)
+
+
+def length_scale(rows: Rows, centre: Pair) -> float:
+    """By how much lengths grow under a warp at a place, pixels, in edges of pixels."""
+    _, (a, b), (d, e) = _linear(rows, centre)
+    return math.sqrt(abs(a * e - b * d))
+
+
+def _linear(rows: Rows, centre: Pair) -> tuple[Pair, Pair, Pair]:
+    """Where a warp takes a place, in centres of pixels, and the rows of its derivative there, which is the same
+    everywhere but under a perspective.
+    """
     (a, b, c), (d, e, f), (g, h, i) = rows
     x, y = centre[0] - PIXEL_CENTRE, centre[1] - PIXEL_CENTRE
     depth = g * x + h * y + i
-    vx, vy = a * velocity[0] + b * velocity[1], d * velocity[0] + e * velocity[1]
-    return ((a * x + b * y + c) / depth + PIXEL_CENTRE + vx * dt_s,
-            (d * x + e * y + f) / depth + PIXEL_CENTRE + vy * dt_s), (vx, vy)
-
-
-def length_scale(matrix: DoubleArray) -> float:
-    """By how much lengths grow under a (3, 3) warp, from its linear part."""
-    (a, b, _), (d, e, _), _ = matrix.tolist()
-    return math.sqrt(abs(a * e - b * d))
+    u, v = (a * x + b * y + c) / depth, (d * x + e * y + f) / depth
+    return (u, v), ((a - u * g) / depth, (b - u * h) / depth), ((d - v * g) / depth, (e - v * h) / depth)

@@ -14,7 +14,8 @@ import numpy as np
 
 from motion_detect_ros.core.forgetting import kept
 from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA
-from motion_detect_ros.core.types import NANOSECONDS, ByteArray, DoubleArray, FloatArray
+from motion_detect_ros.core.preprocessing.scene_mask import WHOLE
+from motion_detect_ros.core.types import NANOSECONDS, BoolArray, ByteArray, DoubleArray, FloatArray
 
 #: Of every so many pixels along both axes one is looked at; frames are compared by the means of so many cells along
 #: their width, at most.
@@ -65,11 +66,19 @@ class Brightness:
         self._range: DoubleArray | None = None
         self._stamp_ns = 0
 
-    def step(self, gray: ByteArray, stamp_ns: int) -> ByteArray:
-        """The frame, (h, w), with other grey values; itself where they stay."""
+    def step(self, gray: ByteArray, stamp_ns: int, mask: BoolArray | None = None) -> ByteArray:
+        """The frame, (h, w), with other grey values; itself where they stay.
+
+        mask: (h, w), False where it does not show the scene, which is not looked at, but changed like the rest.
+        """
         some = np.ascontiguousarray(gray[::STRIDE, ::STRIDE])
         size = (min(CELLS, some.shape[1]), max(1, min(some.shape[0], round(CELLS * gray.shape[0] / gray.shape[1]))))
         cells = cv2.resize(some, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+        if mask is not None:
+            scene = mask[::STRIDE, ::STRIDE]
+            share = cv2.resize(scene.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+            cells[share <= WHOLE] = 0.0  # black tells nothing
+            some = some[scene] if scene.any() else some
         seconds = (stamp_ns - self._stamp_ns) / NANOSECONDS
         if any(each.cells.shape != cells.shape for each in self._earlier) or not 0.0 < seconds <= MAX_GAP_S:
             self.reset()

@@ -36,6 +36,30 @@ def is_on_image(region: Region, width: int, height: int) -> bool:
     return region.x < width and region.y < height
 
 
+def inner_scene(mask: BoolArray, reach_px: int) -> BoolArray:
+    """(h, w): pixels of the scene at least so far, in both axes, from every pixel of the mask that shows none.
+
+    Windows around them see nothing but the scene.
+    """
+    side = 2 * reach_px + 1
+    return cv2.erode(mask.view(np.uint8), np.ones((side, side), np.uint8)).view(np.bool_)
+
+
+class InnerScene:
+    """``inner_scene``, kept while frames come with the same mask."""
+
+    def __init__(self, reach_px: int) -> None:
+        self._reach_px = reach_px
+        self._mask: BoolArray | None = None
+        self._inner: BoolArray | None = None
+
+    def of(self, mask: BoolArray | None) -> BoolArray | None:
+        """(h, w), None without a mask."""
+        if mask is not self._mask:
+            self._mask, self._inner = mask, None if mask is None else inner_scene(mask, self._reach_px)
+        return self._inner
+
+
 def scene_cells(mask: BoolArray, matrix: DoubleArray, scale: float, rows: int, columns: int) -> BoolArray:
     """(rows, columns): True for cells that show nothing but the scene, in both images.
 

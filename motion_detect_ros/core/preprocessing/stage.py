@@ -75,7 +75,7 @@ class Preprocessor:
             gray = mean_shift(gray, self._config.mean_shift_px, self._config.mean_shift_gray)
         gray = _own_bytes(gray, image)
         mask = self._mask(gray, width, height, stamp_ns)
-        return PreparedFrame(self._brightness.step(gray, stamp_ns), scale, width, height, stamp_ns, mask)
+        return PreparedFrame(self._brightness.step(gray, stamp_ns, mask), scale, width, height, stamp_ns, mask)
 
     def _mask(self, gray: ByteArray, width: int, height: int, stamp_ns: int) -> BoolArray | None:
         """(h, w), False in ignored regions and detected overlays; None without any."""

@@ -6,7 +6,7 @@ import math
 
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.forgetting import kept
-from motion_detect_ros.core.geometry.carried import Rows
+from motion_detect_ros.core.geometry.carried import Rows, length_scale
 from motion_detect_ros.core.geometry.vectors import Pair
 from motion_detect_ros.core.periods import exceeded
 from motion_detect_ros.core.tracking.alternatives.appearance import Appearance
@@ -98,12 +98,13 @@ class Track:
         (u, v), (width, height) = self.centre, self.size
         return abs(u - centre[0]) < 0.5 * width and abs(v - centre[1]) < 0.5 * height
 
-    def predict(self, rows: Rows, scale: float, dt_s: float) -> None:
+    def predict(self, rows: Rows, dt_s: float) -> None:
         """Carry state, covariance and size over ``dt_s`` seconds: ego-motion of the position, then own velocity.
 
-        rows: of the warp previous pixel -> current pixel, full resolution; scale: by how much lengths grow under it.
+        rows: of the warp previous pixel -> current pixel, full resolution.
         """
         self.approach.predict(dt_s)
+        scale = length_scale(rows, self.centre)
         self.size = self.size[0] * scale, self.size[1] * scale
         side = max(MIN_ACCELERATION_PX, math.sqrt(self.size[0] * self.size[1]))
         self._filter.predict(rows, dt_s, ACCELERATION_SHARE * side)
@@ -111,7 +112,7 @@ class Track:
 
     def predict_without_ego_motion(self, camera_px: float, dt_s: float) -> None:
         """The same with the camera's motion unknown: none is assumed, ``camera_px`` is its deviation along an axis."""
-        self.predict(AT_REST, 1.0, dt_s)
+        self.predict(AT_REST, dt_s)
         self._filter.widen(camera_px ** 2)
         self.gate_inflation_px = math.hypot(self.gate_inflation_px, camera_px)
 

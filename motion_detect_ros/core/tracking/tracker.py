@@ -14,7 +14,6 @@ from scipy.optimize import linear_sum_assignment
 from motion_detect_ros.core.config import TracksConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.forgetting import kept
-from motion_detect_ros.core.geometry.carried import length_scale
 from motion_detect_ros.core.tracking.alternatives.appearance import APPEARANCE_MODELS
 from motion_detect_ros.core.tracking.lost_tracks import LostTracks
 from motion_detect_ros.core.tracking.nested import known_longest
@@ -147,10 +146,10 @@ class Tracker:
         moved = matrix @ centre
         speed_px_s = float(np.hypot(*(moved[:2] / moved[2] - centre[:2]))) / max(dt_s, 1e-6)
         self._camera_px_s = max(speed_px_s, kept(dt_s, CAMERA_SPEED_MEMORY_S) * self._camera_px_s)
-        rows, scale = matrix.tolist(), length_scale(matrix)
+        rows = matrix.tolist()
 
         def move(track: Track) -> None:
-            track.predict(rows, scale, dt_s)
+            track.predict(rows, dt_s)
             track.age += 1
 
         for track in self._tracks:

@@ -81,7 +81,7 @@ def _bounds(labels, low, high):  # type: ignore[no-untyped-def]
 @kernel()
 def _window(place, size):  # type: ignore[no-untyped-def]
     """First and last pixel, exclusive, that a place of the image touches along an axis of its half."""
-    at = int(np.rint(place / 2.0))
+    at = int(np.rint(place)) // 2
     last = size - 1
     return min(max(at - REACH, 0), last), min(max(at + REACH, 0), last) + 1
 

@@ -20,6 +20,7 @@ from motion_detect_ros.core.geometry.lucas_kanade import lucas_kanade
 from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.geometry.warp import apply, points_at_scale
 from motion_detect_ros.core.periods import Every
+from motion_detect_ros.core.preprocessing.scene_mask import InnerScene
 from motion_detect_ros.core.trajectories.new_points import BORDER_PX, NewPoints
 from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrame, RecentFrames
 from motion_detect_ros.core.types import BoolArray, ByteArray, FloatArray
@@ -28,6 +29,9 @@ from motion_detect_ros.core.types import BoolArray, ByteArray, FloatArray
 #: iterations and the step, pixels, at which they end; least eigenvalue of its matrix, and largest mean error, grey
 #: levels.
 WINDOW_PX = 8, 10
+#: Least distance of points from what the mask leaves out, pixels: their windows must not see text or hull, which stand
+#: still and would seem to move against the ground.
+MASKED_PX = 6
 ITERATIONS, SMALL_STEP_PX = 12, 0.02
 LEAST_EIGENVALUE, MAX_ERROR_GRAY = 6e-4, 18.0
 #: Levels of the pyramid, above the first, for points that are not where they were looked for, and the window there; the
@@ -130,6 +134,7 @@ class PointTracker:
 
     def __init__(self, max_points: int) -> None:
         self._new, self._every = NewPoints(max_points), Every(CHECKED_EVERY_S)
+        self._scene = InnerScene(MASKED_PX)
         self.reset()
 
     def reset(self) -> None:
@@ -141,10 +146,10 @@ class PointTracker:
         self.new_due = self._half_due = False
 
     def track(self, frames: RecentFrames, mask: BoolArray | None) -> Points:
-        """Those of the last frame that are found in the current one. mask: (h, w), False where no point may be; None =
-        nowhere.
+        """Those of the last frame that are found in the current one.
 
-        With one frame in ``frames`` all earlier points are cleared.
+        mask: (h, w), False where the picture does not show the scene, within ``MASKED_PX`` of which no point may be;
+        None = it does everywhere. With one frame in ``frames`` all earlier points are cleared.
         """
         if len(frames) < 2:
             self._points = Points()
@@ -154,7 +159,7 @@ class PointTracker:
         if len(self._points):
             odd = self._points.number % 2 == 1
             checked = odd if other_half else ~odd if self.new_due else np.zeros(len(odd), np.bool_)
-            self._points = self._tracked(frames, mask, np.flatnonzero(checked))
+            self._points = self._tracked(frames, self._scene.of(mask), np.flatnonzero(checked))
         return self._points
 
     def start(self, frames: RecentFrames, mask: BoolArray | None) -> Points:
@@ -163,7 +168,7 @@ class PointTracker:
             self.new_due = False
             self._every.done()
             moving = self._points.now[np.isin(self._points.number, self._moving)]
-            places = self._new.places(self._points.now, frames, mask, moving)
+            places = self._new.places(self._points.now, frames, self._scene.of(mask), moving)
             self._points = self._points.started(places, self._started)
             self._started += len(places)
         return self._points
@@ -235,7 +240,7 @@ def _usable(places: FloatArray, shape: tuple[int, ...], mask: BoolArray | None) 
         x, y = places[:, 0], places[:, 1]
         good: BoolArray = (x >= BORDER_PX) & (y >= BORDER_PX) & (x < width - BORDER_PX) & (y < height - BORDER_PX)
     if mask is not None:
-        columns, rows = np.where(good[:, None], places, 0.0).astype(np.intp).T
+        columns, rows = np.rint(np.where(good[:, None], places, 0.0)).astype(np.intp).T
         good &= mask[rows, columns]
     return good
 

@@ -8,7 +8,7 @@ import pytest
 from warps import about_centre, corner_error, estimate, view, world
 
 from motion_detect_ros.core.config import EgoMotionConfig, PipelineConfig
-from motion_detect_ros.core.ego_motion.features import BLOCK_PX, KINDS, AllowedPlaces, _spread, find_features
+from motion_detect_ros.core.ego_motion.features import KINDS, MASKED_PX, AllowedPlaces, _spread, find_features
 from motion_detect_ros.core.errors import BackendError, ConfigError
 from motion_detect_ros.core.settings import with_settings
 
@@ -57,7 +57,7 @@ class TestEveryKind:
         mask[60:130, 100:200] = False
         points = find(kind, picture, mask=mask)
         assert len(points) > 50
-        near = (np.abs(points - [149.5, 94.5]) <= np.array([50.5, 35.5]) + BLOCK_PX - 1).all(axis=1)
+        near = (np.abs(points - [149.5, 94.5]) <= np.array([50.5, 35.5]) + MASKED_PX - 1).all(axis=1)
         assert not near.any()
 
     def test_what_is_masked_does_not_set_the_scale_of_quality(self, kind):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from motion_detect_ros.core.config import BackgroundConfig
 from motion_detect_ros.core.detection.patches import Patch, connected_pixels, joined_patches
 from motion_detect_ros.core.detection.segments import connected_segments
 from motion_detect_ros.core.geometry.boxes import Box
-from motion_detect_ros.core.geometry.carried import carried
+from motion_detect_ros.core.geometry.carried import carried, length_scale
 from motion_detect_ros.core.geometry.motion_chain import MotionChain
 from motion_detect_ros.core.geometry.warp import apply, at_scale, grid_points, points_at_scale, stabilise
 from motion_detect_ros.core.types import EgoMotion, EgoStatus
@@ -80,10 +82,24 @@ class TestCarried:
     WARP = np.array([[1.1, 0.02, 3.0], [-0.01, 0.9, -2.0], [5e-4, 1e-3, 1.0]])
 
     def test_through_the_warp_in_centres_of_pixels_then_on_at_its_own_velocity(self):
-        # centre of pixel (100, 200): 117 and 177 over a depth of 1 + 0.05 + 0.2
+        # centre of pixel (100, 200): 117 and 177 over a depth of 1 + 0.05 + 0.2; the speed by the derivative there
         place, speed = carried(self.WARP, np.array([100.5, 200.5]), np.array([10.0, 20.0]), 0.1)
-        np.testing.assert_allclose(speed, [11.4, 17.9])
-        np.testing.assert_allclose(place, [93.6 + 0.5 + 1.14, 141.6 + 0.5 + 1.79])
+        np.testing.assert_allclose(speed, [(117.0 + 11.4 * 1e-6) / (1.25 + 0.025e-6) * 1e6 - 93.6e6,
+                                           (177.0 + 17.9 * 1e-6) / (1.25 + 0.025e-6) * 1e6 - 141.6e6], rtol=1e-6)
+        np.testing.assert_allclose(place, [93.6 + 0.5 + 0.1 * speed[0], 141.6 + 0.5 + 0.1 * speed[1]])
+
+    @pytest.mark.parametrize('perspective', [(0.0, 0.0), (5e-4, 1e-3), (-4e-4, 7e-4)])
+    @pytest.mark.parametrize('place', [(0.0, 0.0), (100.0, 200.0), (640.0, 30.0)])
+    def test_speeds_and_sizes_change_as_a_small_square_at_the_place_does(self, place, perspective):
+        matrix = self.WARP.copy()
+        matrix[2, :2] = perspective
+        square = np.array(place) + 0.01 * np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+        there = cv2.perspectiveTransform(square[None], matrix)[0]
+        centre = (place[0] + 0.5, place[1] + 0.5)
+        area = cv2.contourArea((there - there[0]).astype(np.float32)) / 1e-4
+        assert length_scale(matrix.tolist(), centre) == pytest.approx(math.sqrt(area), rel=1e-3)
+        _, speed = carried(matrix, np.array(centre), np.array([10.0, 0.0]), 0.1)
+        np.testing.assert_allclose(speed, 1e3 * (there[1] - there[0]), rtol=1e-3, atol=1e-3)
 
     @pytest.mark.parametrize('perspective', [(1e-3, 0.0), (0.0, 1e-3), (-4e-4, 7e-4)])
     def test_places_are_those_of_opencv(self, perspective):

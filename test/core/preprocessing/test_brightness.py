@@ -35,6 +35,22 @@ def followed(pictures: list[np.ndarray], period_ns: int = PERIOD_NS) -> list[np.
     return [brightness.step(each, (index + 1) * period_ns) for index, each in enumerate(pictures)]
 
 
+@pytest.mark.parametrize('share', [0.2, 0.5])
+def test_what_is_masked_says_nothing_of_the_scene(share: float) -> None:
+    """A bright hull of strong contrast below a dull scene in a light that flickers: the scene is as without it."""
+    world, top = 90.0 + 0.15 * scene()[:, :WIDTH], round((1.0 - share) * HEIGHT)
+    mask = np.ones((HEIGHT, WIDTH), np.bool_)
+    mask[top:] = False
+    hull = np.where(np.indices((HEIGHT - top, WIDTH)).sum(axis=0) // 8 % 2, 250, 5).astype(np.uint8)
+    alone, beside = Brightness(), Brightness()
+    for index, gain in enumerate([1.0, 1.0, 0.8, 1.2, 1.0] * 3):
+        picture = lit(world[:top], gain)
+        expected = alone.step(picture, (index + 1) * PERIOD_NS)
+        found = beside.step(np.vstack([picture, hull]), (index + 1) * PERIOD_NS, mask)[:top]
+        assert np.abs(found.astype(int) - expected).mean() < 1.5
+        assert expected.std() > 2.0 * picture.std(), 'it is stretched'
+
+
 @pytest.mark.parametrize('step_px', [0, 3, 6])
 def test_pictures_in_flickering_light_are_as_bright_as_the_first(step_px: int) -> None:
     world, gains = scene(), [1.0, 0.8, 1.2, 1.0, 0.85, 1.15, 0.9]

@@ -37,8 +37,8 @@ SMALL[0] = False
 
 
 def around(place: np.ndarray) -> set[int]:
-    """Labels of the 5 x 5 pixels of the halved image."""
-    column, row = np.rint(place / 2.0).astype(int)
+    """Labels of the 5 x 5 pixels of the halved image about the one that holds the place's pixel."""
+    column, row = np.rint(place).astype(int) // 2
     return {int(LABELS[min(max(row + down, 0), LABELS.shape[0] - 1), min(max(column + right, 0), LABELS.shape[1] - 1)])
             for down in range(-2, 3) for right in range(-2, 3)}
 

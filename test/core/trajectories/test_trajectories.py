@@ -370,6 +370,21 @@ class TestPipeline:
         assert found <= 1
 
 
+    def test_a_masked_hull_gives_no_objects_along_its_edge(self) -> None:
+        """It stands still while the ground goes by: a window that sees both would follow it, and seem to move."""
+        left, right, top, width, height = 290, 670, 440, 960, 540
+        pipeline = MotionPipeline(with_settings(load_preset('visdrone'), {
+            'preprocessing.ignore_regions': f'{left},{top},{right - left},{height - top}'}))
+        hull = np.kron(np.indices((height // 16 + 1, width // 16 + 1)).sum(axis=0) % 2, np.ones((16, 16)))
+        hull = (255 * hull[top:height, left:right]).astype(np.uint8)
+        ground, found = (0.3 * smooth_texture(3, 700, 1300)).astype(np.uint8) + np.uint8(80), 0
+        for index in range(50):
+            picture = ground[2 * index:2 * index + height, 3 * index:3 * index + width].copy()
+            picture[top:, left:right] = hull
+            found += len(pipeline.process(picture, (index + 1) * PERIOD_NS).detections)
+        assert found == 0
+
+
 def candidate(x: float, side: float, log_odds: float, speed: float = 20.0) -> Candidate:
     return Candidate(np.array([x, 100.0]), np.array([side, side]), np.array([speed, 0.0]), side * side, log_odds, 0)
 
