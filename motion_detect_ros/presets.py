@@ -200,7 +200,7 @@ def write_preset(
     """
     defaults = {name: value for name, value, _ in settings(PipelineConfig())}
     changed = {name: value for name, value, _ in settings(config) if value != defaults[name]}
-    sections = {FOR_ALL: changed, **(of_nodes or {})}
+    sections = {**({} if FOR_ALL in (of_nodes or {}) else {FOR_ALL: {}}), **(of_nodes or {})}
     sections[FOR_ALL] = {**changed, **sections[FOR_ALL]}
     text = ''.join(f'# {note}\n' for note in notes) + yaml.safe_dump(
         {name: {'ros__parameters': _grouped(values)} for name, values in sections.items()},

@@ -79,13 +79,14 @@ def test_what_one_node_only_reads_stays_its_own(tmp_path: Path):
     """Of a section for one node nothing becomes a parameter of the others."""
     start, written = tmp_path / 'start.yaml', tmp_path / 'written.yaml'
     start.write_text('camera: {ros__parameters: {queue_size: 30, autostart: false, source: /front.mp4}}\n'
-                     '/**: {ros__parameters: {image_transport: compressed, trajectories: {use: true}}}\n'
+                     '/**: {ros__parameters: {image_transport: compressed, queue_size: 8, trajectories: {use: true}}}\n'
                      'fleet: {rear: {camera: {ros__parameters: {queue_size: 5, source: /rear.mp4}}}}\n')
     write_preset(written, load_preset(start), of_nodes=node_sections(start))
     assert load_preset(written) == load_preset(start)
     for node in ('/camera', '/pipeline', '/fleet/rear/camera'):
         for name in ('queue_size', 'autostart', 'image_transport', 'source'):
             assert value_for(written, node, name) == value_for(start, node, name)
+    assert value_for(written, '/camera', 'queue_size') == 8, 'the later one holds'
     assert value_for(written, '/pipeline', 'autostart') is None
 
 

@@ -144,11 +144,12 @@ class BagFrames:
         """The CameraInfo beside the image topic, or the only one in the bag that is beside no other image topic."""
         with_messages = [topic for topic in self._reader.topics if topic.count]
         infos = [topic.name for topic in with_messages if _holds(topic, messages.CAMERA_INFO)]
-        beside = [name for name in infos if _namespace(name) == _namespace(self.topic.name)]
+        own = _namespace(self.topic.name)
+        beside = [name for name in infos if name.strip('/') == f'{own}/camera_info'.strip('/')]
         if beside or len(infos) != 1:
             return beside[0] if beside else None
-        only = infos[0]
-        if any(_namespace(topic.name) == _namespace(only) for topic in with_messages if _holds(topic, *IMAGE_TYPES)):
+        only, images = infos[0], (topic for topic in with_messages if _holds(topic, *IMAGE_TYPES))
+        if _namespace(only) in {_namespace(topic.name) for topic in images} - {own}:
             self.complaints += (f'{printable(only)} left out, as it is beside another image topic: bearings are NaN',)
             return None
         return only

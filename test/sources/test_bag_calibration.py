@@ -73,6 +73,8 @@ def test_a_bag_without_any_has_uncalibrated_pictures(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(('images', 'infos', 'focal_px'), [
     (['/front/image_raw'], ['/camera_info'], 500.0),
+    (['/front/image_raw', '/front/depth'], ['/front/info'], 500.0),
+    (['/front/image_raw'], ['/front/depth_info', '/front/camera_info'], 501.0),
     (['/front/image_raw', '/overlay/image'], ['/lens/camera_info'], 500.0),
     (['/front/image_raw', '/rear/image_raw'], ['/front/camera_info', '/rear/camera_info'], 500.0),
     (['/front/image_raw', '/front/image_raw/compressed'], ['/front/camera_info'], 500.0),
