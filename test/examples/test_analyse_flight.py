@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from flights import EXAMPLES
 
+from motion_detect_ros.__main__ import main
 from motion_detect_ros.cli.demo import FLIGHT_BAG, record_flight
 from motion_detect_ros.sources.synthetic import FlightConfig
 
@@ -40,6 +41,20 @@ def test_from_bag_to_plots(tmp_path: Path) -> None:
     page = (out / 'flight.html').read_text(encoding='utf-8')
     assert page.count('Plotly.newPlot(') == 4
     assert 'src="http' not in page, 'it needs no network'
+
+
+def test_results_of_something_else_stay(tmp_path: Path) -> None:
+    for name in ('pandas', 'plotly'):
+        pytest.importorskip(name, reason=f'pip install {name}')
+    record_flight(dataclasses.replace(FLIGHT, frames=8), tmp_path)
+    out = tmp_path / 'out'
+    assert main(['replay', str(tmp_path / FLIGHT_BAG), '-o', str(out), '--no-report', '--preset', 'visdrone']) == 0
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    done = subprocess.run([sys.executable, EXAMPLES / 'analyse_flight.py', tmp_path / FLIGHT_BAG, out],
+                          capture_output=True, text=True, timeout=600, check=False)
+    assert (done.returncode, done.stdout) == (2, '')
+    assert done.stderr.startswith(f'error: {out}: holds a result of something else (')
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
 @pytest.mark.parametrize('words', [[], ['flight.mcap'], ['flight.mcap', 'out', 'visdrone']])

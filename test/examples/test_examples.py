@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from flights import DESCENT, EXAMPLES, GAIN, HORIZON_S, LOST_S, RANGE_M, RUN, TOWN, Flown, truth_rays
 from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import CameraInfo, RegionOfInterest
 
 from motion_detect_ros.bridge.images import stamp_ns
 from motion_detect_ros.bridge.records import read_detections, records_from_msg
@@ -89,6 +90,16 @@ class TestPlanner:
     ])
     def test_suggestion(self, objects: tuple[dict[str, float], ...], suggestion: str) -> None:
         assert example('planner').suggest(seen(*objects), WIDTH_PX, horizon_s=3.0) == suggestion
+
+    @pytest.mark.parametrize(('roi_px', 'binning', 'width_px'), [
+        (0, 0, 1920), (0, 2, 960), (800, 0, 800), (800, 2, 400)])
+    def test_the_corridor_is_of_the_images_and_not_of_the_sensor(
+        self, roi_px: int, binning: int, width_px: int,
+    ) -> None:
+        planner = SimpleNamespace(width_px=0)
+        info = CameraInfo(width=1920, binning_x=binning, roi=RegionOfInterest(width=roi_px))
+        example('planner').Planner.on_camera_info(planner, info)
+        assert planner.width_px == width_px
 
     def test_goes_then_passes_behind_the_square_that_drives_to_the_right(self, flown: dict[str, Flown]) -> None:
         """Its contact is nearer than the horizon from about frame 26 of 45 on; estimates may be 0.3 s off."""
