@@ -76,9 +76,9 @@ clips).''',
 then. At the first start after an installation other processes compile the kernels, one for each core up to four.''',
     'memory': '''Resident memory of `pipeline`, fed with 960x540 at 20 Hz. Most of it is libraries. Of the size of an
 image it holds (preset `visdrone`, 25 Hz, `tracemalloc`) the grey images of the last second and their halves, 32 of each
-at most (26: 17 MB), the paths of the points (2.7 MB), a mask and a buffer of the flow (0.8 MB): 22 MB, as many after
-50 frames as after 110; without points 17 grey images at most. Within a frame come at most 10 MB on top, 19 grey images
-(`test/core/test_memory.py` bounds what is held, and lets a frame make 30).''',
+at most (26: 17 MB), the paths of the points (2.7 MB), three masks and a buffer of the flow (1.8 MB): 23 MB, as many
+after 50 frames as after 110; without points 17 grey images at most. Within a frame come at most 10 MB on top, 19 grey
+images (`test/core/test_memory.py` bounds what is held, and lets a frame make 30).''',
     'soak': '''`python -m motion_detect_ros.benchmarks.soak --minutes 30 -o out/soak` and the same with `--real --preset
 visdrone -o out/soak_real` (beside calculations of idle priority), put here by `bench --soak
 out/soak/summary.json out/soak_real/summary.json`: `pipeline` under a steady stream of 960x540 at 20 Hz, of a real clip

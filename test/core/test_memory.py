@@ -64,11 +64,13 @@ def test_it_does_not_grow(held: tuple[str, Held]) -> None:
 
 
 def test_large_arrays_are_the_frames_that_are_looked_back_to(held: tuple[str, Held]) -> None:
-    """A second of grey images with points, 21 at 20 Hz, as many as links are chained without; few others."""
+    """A second of grey images with points, 21 at 20 Hz, as many as links are chained without; few others, of which
+    three are masks: of the scene, and of where windows of features and points see nothing but the scene.
+    """
     preset, found = held
     frames, images = 22 if preset == 'visdrone' else MAX_LINKS + 1, found.large['preprocessing/stage.py']
     assert 1 < images <= frames
-    assert sum(found.large.values()) - images <= 8, found.large
+    assert sum(found.large.values()) - images <= 10, found.large
 
 
 def test_a_frame_makes_a_bounded_number_more(held: tuple[str, Held]) -> None:
