@@ -212,15 +212,19 @@ def test_one_object_alone_keeps_what_may_be_a_part_of_it() -> None:
 
 
 def test_boxes_without_shadows_lose_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Against boxes of which nothing is taken: a few pixels of theirs come and go with the points."""
+    """Against boxes of which nothing is taken: a few pixels of theirs come and go with the points.
+
+    A little later than those with shadows, which set them off from the ground: the last one of five is found after 37
+    frames with OpenCV 4.6.
+    """
     world = World(1.0)
-    world.drive(FRAMES)
+    world.drive(FRAMES + 4)
     ends = world.bottoms()
     assert len(ends) >= 5
     assert min(ends.values()) > 0.75 * OBJECT_HEIGHT
     monkeypatch.setattr(SunSide, 'without_shadows', lambda _, records, *size: records)
     as_found = World(1.0)
-    as_found.drive(FRAMES)
+    as_found.drive(FRAMES + 4)
     assert ends == as_found.bottoms()
 
 
