@@ -6,6 +6,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -67,10 +68,8 @@ def load_preset(name_or_path: str | Path) -> PipelineConfig:
     Raises: ConfigError, one line, for an unknown preset, an unreadable file, an unknown key or a wrong value.
     """
     path = preset_path(str(name_or_path))
-    try:
+    with _named(path):
         return with_settings(PipelineConfig(), read_parameters(path, lambda name: not is_node_parameter(name)))
-    except ConfigError as error:
-        raise ConfigError(f'{path.name}: {error}') from None
 
 
 def node_sections(name_or_path: str | Path) -> dict[str, dict[str, Any]]:
@@ -79,10 +78,9 @@ def node_sections(name_or_path: str | Path) -> dict[str, dict[str, Any]]:
     Raises: ConfigError as ``load_preset``.
     """
     path = preset_path(str(name_or_path))
-    try:
-        return _read(path, _node_sections)
-    except ConfigError as error:
-        raise ConfigError(f'{path.name}: {error}') from None
+    with _named(path):
+        sections: dict[str, dict[str, Any]] = _read(path, _node_sections)
+        return sections
 
 
 def are_rectified(name_or_path: str | Path) -> bool:
@@ -91,13 +89,20 @@ def are_rectified(name_or_path: str | Path) -> bool:
     Raises: ConfigError as ``load_preset``, and for neither true nor false.
     """
     path = preset_path(str(name_or_path))
-    try:
+    with _named(path):
         rectified = read_parameters(path, 'rectified'.__eq__).get('rectified', False)
-        if not isinstance(rectified, bool):
-            raise ConfigError(f'rectified: expected true or false, got {rectified!r}')
+        if isinstance(rectified, bool):
+            return rectified
+        raise ConfigError(f'rectified: expected true or false, got {rectified!r}')
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Puts the name of a parameter file before what is wrong with it."""
+    try:
+        yield
     except ConfigError as error:
         raise ConfigError(f'{path.name}: {error}') from None
-    return rectified
 
 
 def read_parameters(path: Path, wanted: Callable[[str], bool] = lambda name: True) -> dict[str, Any]:

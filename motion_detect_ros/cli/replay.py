@@ -99,8 +99,7 @@ def make_jobs(arguments: argparse.Namespace, config: PipelineConfig) -> list[Job
     a rate where all inputs have stamps; ConfigError where the settings do not say ``rectified`` in true or false.
     """
     formats, inputs = formats_of(arguments), expand_inputs(arguments.inputs, arguments.output)
-    for words in inputs.left_out:
-        print(f'caution: {words}', file=sys.stderr)
+    inputs.tell_left_out()
     rectified = are_rectified(preset_of(arguments)) or arguments.rectified
     folders = folders_of(inputs.paths, arguments.output.absolute(), inputs.several)
     jobs = [Job(path, folder, config, arguments.fps, arguments.topic, arguments.start, arguments.duration,

@@ -10,7 +10,6 @@ import argparse
 import hashlib
 import json
 import math
-import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -139,8 +138,7 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
 def _recordings(arguments: argparse.Namespace, rectified: bool) -> list[Recording]:
     """Raises: SourceError where inputs and truth do not fit together."""
     inputs = expand_inputs(arguments.inputs, arguments.output)
-    for words in inputs.left_out:
-        print(f'caution: {words}', file=sys.stderr)
+    inputs.tell_left_out()
     paths = inputs.paths
     check_rate_is_used('--fps', arguments.fps, paths)
     if arguments.output.resolve() in [Path(path).resolve() for path in paths]:

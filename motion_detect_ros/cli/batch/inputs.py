@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +30,11 @@ class Inputs:
     paths: tuple[str, ...]
     several: bool
     left_out: tuple[str, ...] = ()
+
+    def tell_left_out(self) -> None:
+        """On standard error, a line each."""
+        for words in self.left_out:
+            print(f'caution: {words}', file=sys.stderr)
 
 
 def expand_inputs(words: Sequence[str], output: Path) -> Inputs:

@@ -7,7 +7,7 @@ import numpy as np
 
 from motion_detect_ros.core.geometry.resizing import shrunk
 from motion_detect_ros.core.geometry.warp import at_scale, stabilise
-from motion_detect_ros.core.preprocessing.scene_mask import WHOLE
+from motion_detect_ros.core.preprocessing.scene_mask import WHOLE, scene_cells
 from motion_detect_ros.core.types import ByteArray, DoubleArray, FloatArray, PreparedFrame
 
 #: Inliers closer to the motion than this agree too well for chance, working-resolution px: noise leaves 1.5 and more.
@@ -32,11 +32,10 @@ def agrees(previous: PreparedFrame, frame: PreparedFrame, matrix: DoubleArray, r
     if residual_px * frame.scale <= CLOSE_PX:
         return True
     (before, _), (now, scale) = (shrunk(each.gray, WIDTH_PX) for each in (previous, frame))
-    warp, scene = at_scale(matrix, scale * frame.scale), None
+    scene = None
     if frame.mask is not None:
-        small = cv2.resize(frame.mask.astype(np.float32), now.shape[::-1], interpolation=cv2.INTER_AREA) > WHOLE
-        scene = (small & (stabilise(small.astype(np.uint8), warp) > 0)).astype(np.float32)
-    return _correlation(stabilise(before, warp), now, scene) >= MIN_CORRELATION
+        scene = scene_cells(frame.mask, matrix, frame.scale, *now.shape).astype(np.float32)
+    return _correlation(stabilise(before, at_scale(matrix, scale * frame.scale)), now, scene) >= MIN_CORRELATION
 
 
 def agrees_rather(

@@ -14,7 +14,7 @@ import numpy as np
 
 from motion_detect_ros.core.forgetting import kept
 from motion_detect_ros.core.geometry.robust import MAD_TO_SIGMA
-from motion_detect_ros.core.preprocessing.scene_mask import WHOLE
+from motion_detect_ros.core.preprocessing.scene_mask import whole_cells
 from motion_detect_ros.core.types import NANOSECONDS, BoolArray, ByteArray, DoubleArray, FloatArray
 
 #: Of every so many pixels along both axes one is looked at; frames are compared by the means of so many cells along
@@ -76,8 +76,7 @@ class Brightness:
         cells = cv2.resize(some, size, interpolation=cv2.INTER_AREA).astype(np.float32)
         if mask is not None:
             scene = mask[::STRIDE, ::STRIDE]
-            share = cv2.resize(scene.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-            cells[share <= WHOLE] = 0.0  # black tells nothing
+            cells[~whole_cells(scene, *cells.shape)] = 0.0  # black tells nothing
             some = some[scene] if scene.any() else some
         seconds = (stamp_ns - self._stamp_ns) / NANOSECONDS
         if any(each.cells.shape != cells.shape for each in self._earlier) or not 0.0 < seconds <= MAX_GAP_S:

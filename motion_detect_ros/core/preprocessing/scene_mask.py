@@ -67,6 +67,11 @@ def scene_cells(mask: BoolArray, matrix: DoubleArray, scale: float, rows: int, c
     scale: working / full resolution. Where the earlier image shows text, the flow is invalid.
     """
     seen = mask & (stabilise(mask.astype(np.uint8), at_scale(matrix, scale)) > 0)
-    share = cv2.resize(seen.astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA)
+    return whole_cells(seen, rows, columns)
+
+
+def whole_cells(mask: BoolArray, rows: int, columns: int) -> BoolArray:
+    """(rows, columns): True for cells of a mask, (h, w), in which it is True everywhere."""
+    share = cv2.resize(mask.astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA)
     whole: BoolArray = share > WHOLE
     return whole
