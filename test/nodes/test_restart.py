@@ -18,7 +18,7 @@ import pytest
 from peers import TIMEOUT_S, Peer, image_message, ready, small
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, PointCloud2
-from transport_files import ports_of, segments_of
+from transport_files import ports_of, segments_of, set_back_checks
 
 from motion_detect_ros.benchmarks import ends
 from motion_detect_ros.bridge.images import header_of
@@ -70,8 +70,9 @@ def test_no_id_comes_twice_after_a_restart(peer, start, shown):
 
 def signs_of_waiting(peer: Peer, ports: set[Path]) -> dict[Path, int]:
     """Port -> place of the byte that says of its reader that it exists (1), waits (2) or reads a message (4), and of
-    nothing else; the next byte counts while it waits, so that others see that it lives.
+    nothing else; the next byte counts while it waits, so that others see that it lives: where they look, that is.
     """
+    set_back_checks()
     seen: dict[Path, list[bytes]] = {port: [] for port in ports}
 
     def places(port: Path) -> list[int]:
