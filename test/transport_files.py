@@ -46,8 +46,9 @@ def _set_back(port: Path) -> bool:
         place = file.read(4096).find(_DEAD_MS) - _CHECKED_BEFORE
         if place >= 0:
             file.seek(place)
-            if ahead := _CHECKED.unpack(file.read(_CHECKED.size))[0] > now_ms:
+            checked_ms, = _CHECKED.unpack(file.read(_CHECKED.size))
+            if checked_ms > now_ms:
                 file.seek(place)
                 file.write(_CHECKED.pack(now_ms))
-            return ahead
+                return True
     return False
