@@ -40,7 +40,8 @@ that is done too, which at 25 Hz it is long before the next one. Frames that fol
 overlap; such a stream takes between the two. Processor: of all threads, all included. Widths: the steps of
 `load.adapt`. Needs `MOTION_DETECT_DATA`.''',
     'reported': '''The two tables of the report this project implements (its figures: with a graphics card) and ours,
-CPU only, on flights of the same image size with the preset of that name. Medians, ms.''',
+CPU only, on flights of the same image size with the preset of that name. Medians, ms; that of `visdrone` has the flow
+behind the answer (section Real clips), in processor only.''',
     'floor': '''The whole pipeline against the OpenCV calls it cannot do without, at the same settings, called plainly,
 one after the other: grey and working size, corners at full resolution, Lucas-Kanade over the whole pyramid forward and
 backward, warp, DIS forward and backward. The pipeline saves on corners and tracking and runs both directions of
@@ -52,16 +53,16 @@ thread (`load.threads: 1`, OpenCV too), median of each stage, ms, and the OpenCV
 
 Best is to run `python -m motion_detect_ros bench --no-nodes --parts one_thread` there. Without the computer at hand,
 multiply by the ratio of its single-core speed to that of this machine, and expect to be wrong by a third: published
-comparisons use other programs. One that can be repeated anywhere is `sysbench cpu --threads=1 --time=60 run`: 3064
-events a second here (Intel Xeon, virtual machine), published 2737 for a Raspberry Pi 5 and 1478 for a Pi 4
-(https://leoncode.co.uk/articles/raspberry-pi-benchmarks), so ratios of 1.1 and 2.1; an AMD EPYC with 4050 took
-about as long as this. It counts prime numbers by
-division and neither reads memory nor uses vector instructions, which is most of what a detector does, so it flatters
-small cores. Of further cores a second one helps most: with two threads the preset `visdrone`
+comparisons use other programs. One that can be repeated anywhere is `sysbench cpu --threads=1 --time=60 run`: 4050
+events a second here (AMD EPYC, virtual machine), published 2737 for a Raspberry Pi 5 and 1478 for a Pi 4
+(https://leoncode.co.uk/articles/raspberry-pi-benchmarks), so ratios of 1.5 and 2.7. It counts prime numbers by
+division and neither reads memory nor uses vector instructions, which is most of what a detector does: an Intel Xeon
+with 3064 took no longer than this. Of further cores a second one helps most: with two threads the preset `visdrone`
 answers in a little over a third of the time that one takes (section Real clips). No other computer has been
 measured.''',
     'curves': '''What a frame costs as its content grows. `x^b`: least squares of log time on log x. Objects: cars of
-43 pixels on 1600x900, found: those of the first ten frames. Neurons: ART2 alone on 30000 vectors. Cells: `grid_px` 16
+43 pixels on 1600x900, found: those of the first ten frames (plain cars, of which the preset `default` sees two edges
+each at first: 43 candidates for 25 cars). Neurons: ART2 alone on 30000 vectors. Cells: `grid_px` 16
 to 2 on the built-in flight. Processor: all threads together, which other load hardly changes.''',
     'codec': '''A 1280x720 bgr8 image to a message and back. Reading is a view of the bytes; other encodings are
 converted, which takes longer.''',
@@ -73,7 +74,8 @@ settings as shipped (`bridge/transport.py`, `allocator.py`).''',
 `load.adapt` the nodes lower the working width while images come faster than they work (the steps: section Real
 clips).''',
     'start': '''From the start of the process `pipeline` to its first message, while pictures come, and its memory
-then. At the first start after an installation other processes compile the kernels, one for each core up to four.''',
+then: 1.5 to 3.7 s in twelve starts, by when Fast DDS's announcements meet. At the first start after an installation
+other processes compile the kernels, one for each core up to four.''',
     'memory': '''Resident memory of `pipeline`, fed with 960x540 at 20 Hz. Most of it is libraries. Of the size of an
 image it holds (preset `visdrone`, 25 Hz, `tracemalloc`) the grey images of the last second and their halves, 32 of each
 at most (26: 17 MB), the paths of the points (2.7 MB), three masks and a buffer of the flow (1.8 MB): 23 MB, as many
