@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from motion_detect_ros.cli.output_folders import refuse_existing
+from motion_detect_ros.cli.output_folders import output_path, refuse_existing
 from motion_detect_ros.cli.progress import track
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.types import CameraModel, RecordArray
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                        ('images', 'folder of pictures'), ('video', 'video file')):
         sub = kinds.add_parser(kind, help=f'{what} to MCAP')
         sub.add_argument('input', type=Path, help=what)
-        sub.add_argument('-o', '--output', type=Path, required=True, help='MCAP file to write')
+        sub.add_argument('-o', '--output', type=output_path, required=True, help='MCAP file to write')
         sub.add_argument('--force', action='store_true', help='overwrite an existing bag')
         if kind != 'video':
             sub.add_argument('--compressed', action='store_true',

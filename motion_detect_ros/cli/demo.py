@@ -19,6 +19,7 @@ from motion_detect_ros.cli.demo_files import RECORD_NAME, VIDEO, begin, note
 from motion_detect_ros.cli.demo_pictures import write_pictures
 from motion_detect_ros.cli.demo_table import Run, table
 from motion_detect_ros.cli.domains import own_domain
+from motion_detect_ros.cli.output_folders import output_path
 from motion_detect_ros.cli.progress import track
 from motion_detect_ros.core.errors import BackendError, SourceError
 from motion_detect_ros.core.frame_decimation import FrameDecimation
@@ -48,7 +49,7 @@ QUEUE_SIZE = 30
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""
     defaults = FlightConfig()
-    parser.add_argument('-o', '--output', type=Path, default=Path('out/demo'), help='folder for the outputs')
+    parser.add_argument('-o', '--output', type=output_path, default=Path('out/demo'), help='folder for the outputs')
     parser.add_argument('--frames', type=int, default=defaults.frames, help='length of the flight')
     parser.add_argument('--seed', type=int, default=defaults.seed, help='another seed, another flight')
     parser.add_argument('--preset', default='default', help='settings: default, visdrone, kitti, report or a YAML file')

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from motion_detect_ros.cli.evaluate_pictures import write_worst
 from motion_detect_ros.cli.evaluate_tables import as_json, as_lines
+from motion_detect_ros.cli.output_folders import output_path
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.results.bootstrap import Bootstrap
 from motion_detect_ros.results.clips import all_clips, clips_of, same_clips, truth_of_clips, unfinished_in
@@ -48,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--seed', type=int, default=0, help='of the draws')
     parser.add_argument('--identity', action='store_true', help='HOTA, IDF1 and id switches too; needs trackeval')
     parser.add_argument('--worst', type=int, default=0, metavar='N', help='draw the N worst frames of each clip')
-    parser.add_argument('-o', '--output', type=Path, help='folder for those pictures')
+    parser.add_argument('-o', '--output', type=output_path, help='folder for those pictures')
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
@@ -19,6 +20,16 @@ NAMELESS = 'input'
 #: What does not belong into the name of a folder: control characters, and what shells and other systems take specially.
 _ODD = re.compile(r'[^\w .,+=@-]')
 _NUMBERED = re.compile(r'(.+)-([2-9]|[1-9]\d+)')
+
+
+def output_path(text: str) -> Path:
+    """The ``type`` of ``--output``: an empty name is a variable that is not set, not the folder one is in.
+
+    Raises: ArgumentTypeError for it.
+    """
+    if not text.strip():
+        raise argparse.ArgumentTypeError(f'expected a name, got {text!r}')
+    return Path(text)
 
 
 def folder_name(path: str) -> str:

@@ -22,7 +22,7 @@ from motion_detect_ros.cli.batch.resume import sort_out
 from motion_detect_ros.cli.compiled_kernels import compile_missing
 from motion_detect_ros.cli.domains import own_domain
 from motion_detect_ros.cli.format_options import add_format_arguments, formats_of
-from motion_detect_ros.cli.output_folders import folders_of
+from motion_detect_ros.cli.output_folders import folders_of, output_path
 from motion_detect_ros.cli.progress import Board
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import BackendError, SourceError
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('inputs', nargs='+', metavar='IN',
                         help='bag (MCAP, db3, ROS 1), video, image folder, VisDrone sequence, KITTI drive; a pattern '
                              'or folder of these')
-    parser.add_argument('-o', '--output', type=Path, required=True, help='folder for the outputs')
+    parser.add_argument('-o', '--output', type=output_path, required=True, help='folder for the outputs')
     parser.add_argument('--preset', help='settings: default, visdrone, kitti, report or a YAML file')
     parser.add_argument('--config', help='YAML file with settings, instead of --preset')
     parser.add_argument('--fps', type=float, help=f'frames/s of inputs without time stamps (default {DEFAULT_FPS:g})')

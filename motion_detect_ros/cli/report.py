@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from motion_detect_ros.cli.batch.inputs import size_of
+from motion_detect_ros.cli.output_folders import output_path
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.report.index import make_index
 from motion_detect_ros.report.make import make_report
@@ -21,7 +22,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--truth', type=Path,
                         help='VisDrone annotation, KITTI labels, MOT Challenge gt.txt or CSV to compare with')
     parser.add_argument('--input', dest='source', metavar='IN', help='where the input is now (default: where it was)')
-    parser.add_argument('-o', '--output', type=Path, metavar='FILE', help='default: report.html or index.html in DIR')
+    parser.add_argument('-o', '--output', type=output_path, metavar='FILE',
+                        help='default: report.html or index.html in DIR')
 
 
 def run(arguments: argparse.Namespace) -> int:

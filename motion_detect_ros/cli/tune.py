@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-import math
+import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +18,7 @@ from typing import Any
 import motion_detect_ros
 from motion_detect_ros.cli.batch.inputs import expand_inputs, size_of
 from motion_detect_ros.cli.compiled_kernels import compile_missing
+from motion_detect_ros.cli.output_folders import output_path
 from motion_detect_ros.cli.progress import Board
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.errors import ConfigError, SourceError
@@ -29,6 +30,7 @@ from motion_detect_ros.results.files import write_whole
 from motion_detect_ros.results.metrics import COUNTINGS
 from motion_detect_ros.results.ownership import owned
 from motion_detect_ros.sources.opening import check_rate_is_used, source_name
+from motion_detect_ros.sources.secrets import masked
 from motion_detect_ros.tuning.objective import AgreementObjective, Objective, TruthObjective
 from motion_detect_ros.tuning.recording import Recording
 from motion_detect_ros.tuning.report import as_json, as_markdown, headline
@@ -47,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--truth', type=Path, nargs='+', default=[],
                         help='one for each input, or a folder of them, matched by name; without truth: agreement of '
                         'the flight with the same flight backwards')
-    parser.add_argument('-o', '--output', type=Path, required=True, help='folder for preset, report and trials')
+    parser.add_argument('-o', '--output', type=output_path, required=True, help='folder for preset, report and trials')
     parser.add_argument('--preset', default='default', help='where to start: name or YAML file')
     parser.add_argument('--settings', nargs='+', default=[], metavar='NAME',
                         help='what to search (default: a short list)')
@@ -72,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
     """
     _check(arguments)
     start, searched = load_preset(arguments.preset), dimensions(arguments.settings)
-    of_nodes = node_sections(arguments.preset)
+    of_nodes = _without_secrets(node_sections(arguments.preset), arguments.preset)
     if start.imu.use:
         raise ConfigError(f'{arguments.preset}: imu.use: expected false, as tune uses the pictures only, got true')
     recordings = _recordings(arguments, are_rectified(arguments.preset))
@@ -112,6 +114,17 @@ def _tune(
     print(f'recommended: {"the tuned settings" if verdict.shown else "the start, unchanged"}, '
           f'{arguments.output / PRESET}')
     return OK if verdict.shown else NO_GAIN
+
+
+def _without_secrets(of_nodes: dict[str, dict[str, Any]], preset: str) -> dict[str, dict[str, Any]]:
+    """What only the nodes read, but for addresses with credentials: presets are passed on. Says what is left out."""
+    kept: dict[str, dict[str, Any]] = {}
+    for node, values in of_nodes.items():
+        secret = {name for name, value in values.items() if isinstance(value, str) and masked(value) != value}
+        kept[node] = {name: value for name, value in values.items() if name not in secret}
+        for name in sorted(secret):
+            print(f'{preset}: {name} holds credentials and is left out of the presets', file=sys.stderr)
+    return kept
 
 
 def _check(arguments: argparse.Namespace) -> None:
@@ -187,7 +200,7 @@ def _make_folder(folder: Path) -> None:
 def _search(tuner: Tuner, study: Study, trials: int, time_s: float | None) -> None:
     """Trials until there are enough, or the time is over; each has ended when it is counted."""
     begun = time.monotonic()
-    best = -math.inf
+    best = 0.0  # the start's
     with Board(1) as board:
         for trial in tuner.search(study, trials):
             board.advance('trials', trial.number + 1, trials)

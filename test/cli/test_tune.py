@@ -77,6 +77,36 @@ def test_without_truth_the_flight_backwards_tells(flight: Path, tmp_path: Path) 
     assert load_preset(tmp_path / 'preset.yaml').background.noise_floor_px < 1
 
 
+def test_no_password_of_the_start_is_handed_on(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    start = tmp_path / 'own.yaml'
+    start.write_text(f'{BAD}camera:\n  ros__parameters:\n    frame_id: a\n'
+                     '    source: rtsp://user:hunter2@10.0.0.7/live\n')
+    assert tune(flight, tmp_path / 'out', '--preset', str(start), '--truth', str(flight / 'flight.csv'), '--settings',
+                'background.noise_floor_px', '--trials', '1') in {0, 1}
+    assert f'{start}: source holds credentials and is left out of the presets' in capsys.readouterr().err
+    for name in ('preset.yaml', 'candidate.yaml'):
+        text = (tmp_path / 'out' / name).read_text()
+        assert 'hunter2' not in text and 'source' not in text
+        assert 'frame_id: a' in text and 'queue_size: 12' in text
+
+
+def test_trials_worse_than_the_start_are_no_news(
+    flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:
+    asked = []
+
+    def worse_and_worse(*_: object) -> np.ndarray:
+        asked.append(0)
+        return np.tile(np.array([max(0, 60 - 10 * len(asked)), 0, 60]), (120, 1))
+
+    monkeypatch.setattr(TruthObjective, 'measure', worse_and_worse)
+    assert tune(flight, tmp_path, '--truth', str(flight / 'flight.csv'), '--trials', '3') == 1
+    assert 'on what is searched' not in capsys.readouterr().err
+    assert len(asked) > 3
+
+
 def test_where_there_is_nothing_but_luck_the_start_stays(
     flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:
