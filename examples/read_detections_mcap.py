@@ -5,6 +5,7 @@
 Works on detections.mcap of ``replay`` and ``demo`` and on what ``ros2 bag record detections`` has written.
 """
 
+import os
 import sys
 from pathlib import Path
 
@@ -50,10 +51,15 @@ def main():
         objects = list(objects_in(sys.argv[1]))
     except (FileNotFoundError, AnyReaderError) as error:
         wrong(f'{sys.argv[1]}: {error}')
-    print('stamp_ns,id,x,y,w,h,score')
-    for stamp_ns, one in objects:
-        left, top = one['u'] - one['width'] / 2, one['v'] - one['height'] / 2
-        print(f'{stamp_ns},{one["id"]},{left:.2f},{top:.2f},{one["width"]:.2f},{one["height"]:.2f},{one["score"]:.4f}')
+    try:
+        print('stamp_ns,id,x,y,w,h,score')
+        for stamp_ns, one in objects:
+            width, height = one['width'], one['height']
+            left, top = one['u'] - width / 2, one['v'] - height / 2
+            print(f'{stamp_ns},{one["id"]},{left:.2f},{top:.2f},{width:.2f},{height:.2f},{one["score"]:.4f}')
+        sys.stdout.flush()
+    except BrokenPipeError:  # who reads this, as head does, has read enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 if __name__ == '__main__':

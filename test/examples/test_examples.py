@@ -23,7 +23,7 @@ from motion_detect_ros.bridge.records import read_detections, records_from_msg
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.types import RecordArray, empty_detections
 from motion_detect_ros.presets import load_preset
-from motion_detect_ros.sources.bags import BagReader
+from motion_detect_ros.sources.bags import BagReader, BagWriter
 from motion_detect_ros.sources.messages import IMAGE, deserialize
 from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
 from motion_detect_ros.sources.synthetic.camera_path import CameraPath
@@ -330,6 +330,18 @@ class TestReadDetectionsMcap:
             stamp, ident, *numbers = line.split(',')
             assert [stamp, ident] == [row[column] for column in columns[:2]]
             np.testing.assert_allclose([float(n) for n in numbers], [float(row[c]) for c in columns[2:]], atol=0.0051)
+
+    def test_a_reader_that_goes_ends_it_quietly(self, tmp_path: Path) -> None:
+        with BagWriter(tmp_path / 'detections.mcap') as bag:
+            for index in range(20):
+                bag.write_detections(empty_detections(400), index * 40_000_000, 'detections', 'camera')
+        with subprocess.Popen([sys.executable, EXAMPLES / 'read_detections_mcap.py', tmp_path / 'detections.mcap'],
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None and process.stderr is not None
+            assert process.stdout.readline().startswith('stamp_ns,')
+            process.stdout.close()
+            assert process.stderr.read() == ''
+            assert process.wait(600) == 0
 
     def test_needs_neither_ros_nor_the_package(self) -> None:
         tree = ast.parse((EXAMPLES / 'read_detections_mcap.py').read_text(encoding='utf-8'))
