@@ -32,15 +32,17 @@ def _locked_by(process: int, pattern: str) -> set[Path]:
             if re.fullmatch(f'fastrtps_{pattern}_el', link.name)}
 
 
-def set_back_checks() -> int:
-    """Ports that somebody looked at in the future, as a clock of his own told him, are as if it were now; how many.
+def set_back_checks() -> None:
+    """Ports that somebody looked at in the future, as a clock of his own told him, are as if it were now.
 
     Until that time comes nobody looks again, and such a file stays for whoever gets the port next.
     """
-    return sum(_set_back(path) for path in FOLDER.iterdir() if re.fullmatch(r'fastrtps_port\d+', path.name))
+    for path in FOLDER.iterdir():
+        if re.fullmatch(r'fastrtps_port\d+', path.name):
+            _set_back(path)
 
 
-def _set_back(port: Path) -> bool:
+def _set_back(port: Path) -> None:
     now_ms = time.time_ns() // 1_000_000
     with suppress(OSError), port.open('r+b') as file:  # gone by now, or another user's
         place = file.read(4096).find(_DEAD_MS) - _CHECKED_BEFORE
@@ -50,5 +52,3 @@ def _set_back(port: Path) -> bool:
             if checked_ms > now_ms:
                 file.seek(place)
                 file.write(_CHECKED.pack(now_ms))
-                return True
-    return False

@@ -57,7 +57,7 @@ comparisons use other programs. One that can be repeated anywhere is `sysbench c
 events a second here (AMD EPYC, virtual machine), published 2737 for a Raspberry Pi 5 and 1478 for a Pi 4
 (https://leoncode.co.uk/articles/raspberry-pi-benchmarks), so ratios of 1.5 and 2.7. It counts prime numbers by
 division and neither reads memory nor uses vector instructions, which is most of what a detector does: an Intel Xeon
-with 3064 took no longer than this. Of further cores a second one helps most: with two threads the preset `visdrone`
+with 3064 took about as long as this. Of further cores a second one helps most: with two threads the preset `visdrone`
 answers in a little over a third of the time that one takes (section Real clips). No other computer has been
 measured.''',
     'curves': '''What a frame costs as its content grows. `x^b`: least squares of log time on log x. Objects: cars of
@@ -74,8 +74,8 @@ settings as shipped (`bridge/transport.py`, `allocator.py`).''',
 `load.adapt` the nodes lower the working width while images come faster than they work (the steps: section Real
 clips).''',
     'start': '''From the start of the process `pipeline` to its first message, while pictures come, and its memory
-then: 1.5 to 3.7 s in twelve starts, by when Fast DDS's announcements meet. At the first start after an installation
-other processes compile the kernels, one for each core up to four.''',
+then: 2.2 to 3.7 s in twelve starts, 1.5 in another hour, by when Fast DDS's announcements meet. At the first start
+after an installation other processes compile the kernels, one for each core up to four.''',
     'memory': '''Resident memory of `pipeline`, fed with 960x540 at 20 Hz. Most of it is libraries. Of the size of an
 image it holds (preset `visdrone`, 25 Hz, `tracemalloc`) the grey images of the last second and their halves, 32 of each
 at most (26: 17 MB), the paths of the points (2.7 MB), three masks and a buffer of the flow (1.8 MB): 23 MB, as many

@@ -12,9 +12,8 @@ Goals for two cores on real clips, where they stand, and what is in the way; fig
 second one, motion and clusters of points every 0.1 s. In the same run 1.14, 1.26, 1.13 for the stabilised difference, \
 in other hours ours 1.13 to 1.29, 1.09 to 1.29, 1.08 to 1.16 |
 | processor time 38, 44, 44 ms | 38, 44, 30 ms | reached |
-| clustering stage 7, 8, 8 ms | about 8, 9, 10 ms: 64, 60 and 43 % of the \
-answer, in another hour | on 305 and `uavdt_M1303` 6000 points are tracked in it, on KITTI the background in three \
-dimensions is fitted |
+| clustering stage 7, 8, 8 ms | about 8, 9, 10 ms: 64, 60 and 43 % of the answer, in another hour | on 305 and \
+`uavdt_M1303` 6000 points are tracked in it, on KITTI the background in three dimensions is fitted |
 | one thread on 305 42 ms | 35 ms | reached |
 | faster than both plain methods | 12, 15, 23 ms; 28, 30, 26 and 21, 24, 24 ms | reached, on KITTI by a little; in \
 processor time faster than the difference everywhere, than KLT + DBSCAN on KITTI only |
@@ -23,9 +22,9 @@ ms | 177 candidates: photometric test 8 ms, their patches 6, tracks 4, boxes 3, 
 object; the flow is the same |
 | `replay` 1.6 times as fast by overlapping its steps | 1.2 to 1.3 times | processor time: two cores are busy before \
 and after (below) |
-| first start after an installation 6 s | 8.0 s in this run, 6.3 to 6.6 s in others on a quiet \
-machine, 11 s beside others | up to 2 s are Fast DDS's discovery; 59 kernels take 20 s \
-of processor time of numba; `selftest` compiles them beforehand, then 1.5 to 3.7 s |
+| first start after an installation 6 s | 8.0 s in this run, 6.3 to 6.6 s in others on a quiet machine, 11 s beside \
+others | up to 2 s are Fast DDS's discovery; 59 kernels take 20 s of processor time of numba; `selftest` compiles them \
+beforehand, then 1.5 to 3.7 s |
 | `pipeline` at most 350 MB, first start included | 305 to 343 MB | reached with the preset `default`; `visdrone` 380 \
 MB after half an hour |
 

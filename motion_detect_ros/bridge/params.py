@@ -21,7 +21,7 @@ from motion_detect_ros.core.errors import ConfigError
 from motion_detect_ros.core.reconfiguration import is_fixed
 from motion_detect_ros.core.settings import Scalar, settings, with_settings
 from motion_detect_ros.presets import is_node_parameter
-from motion_detect_ros.sources.secrets import masked, reason_of
+from motion_detect_ros.sources.secrets import holds_secret, masked, reason_of
 
 #: New values of parameters by name: whether they can be, and what follows from them.
 Check = Callable[[dict[str, Scalar]], None]
@@ -77,7 +77,7 @@ def declare_address(node: Node, name: str, default: str, doc: str) -> str:
     """As ``declare_simple`` for a text that may hold credentials: whoever asks for the parameter gets them masked."""
     given = getattr(node, '_parameter_overrides', {}).get(name)  # rclpy would announce it as it is
     value = given.value if given is not None else default
-    if not isinstance(value, str) or masked(value) == value:
+    if not holds_secret(value):
         return str(declare_simple(node, name, default, doc))
     node.declare_parameter(
         name, masked(value), ParameterDescriptor(description=doc, read_only=True), ignore_override=True)

@@ -30,7 +30,7 @@ from motion_detect_ros.results.files import write_whole
 from motion_detect_ros.results.metrics import COUNTINGS
 from motion_detect_ros.results.ownership import owned
 from motion_detect_ros.sources.opening import check_rate_is_used, source_name
-from motion_detect_ros.sources.secrets import masked
+from motion_detect_ros.sources.secrets import holds_secret
 from motion_detect_ros.tuning.objective import AgreementObjective, Objective, TruthObjective
 from motion_detect_ros.tuning.recording import Recording
 from motion_detect_ros.tuning.report import as_json, as_markdown, headline
@@ -120,7 +120,7 @@ def _without_secrets(of_nodes: dict[str, dict[str, Any]], preset: str) -> dict[s
     """What only the nodes read, but for addresses with credentials: presets are passed on. Says what is left out."""
     kept: dict[str, dict[str, Any]] = {}
     for node, values in of_nodes.items():
-        secret = {name for name, value in values.items() if isinstance(value, str) and masked(value) != value}
+        secret = {name for name, value in values.items() if holds_secret(value)}
         kept[node] = {name: value for name, value in values.items() if name not in secret}
         for name in sorted(secret):
             print(f'{preset}: {name} holds credentials and is left out of the presets', file=sys.stderr)

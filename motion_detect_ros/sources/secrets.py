@@ -24,6 +24,11 @@ def masked(text: str) -> str:
     return _QUERY.sub(rf'\g<1>{MASK}', _USER_INFO.sub(rf'\g<1>{MASK}@', text))
 
 
+def holds_secret(value: object) -> bool:
+    """Whether it is a text of which ``masked`` hides something."""
+    return isinstance(value, str) and masked(value) != value
+
+
 def reason_of(error: Exception) -> str:
     """What a user can do something with, without credentials: our own messages, others with the name of their class."""
     return masked(str(error) if isinstance(error, MotionDetectError) else f'{type(error).__name__}: {error}')
