@@ -22,6 +22,7 @@ from motion_detect_ros.core.trajectories.object_motion import PointMotion
 from motion_detect_ros.core.trajectories.plain_bodies import MIN_PART, joined_parts
 from motion_detect_ros.core.trajectories.points import THINNED_PX, Points
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
+from motion_detect_ros.core.trajectories.several_objects import parted
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 
 #: Longest link between two neighbours, pixels, and how much of it must lie on what changed: a little over the spacing
@@ -96,11 +97,14 @@ def _carried(
     return Cluster(members, low, high, cluster.velocity, cluster.background), way
 
 
-def find_clusters(points: Points, motion: PointMotion, old: BoolArray, frames: RecentFrames) -> list[Cluster]:
+def find_clusters(
+    points: Points, motion: PointMotion, old: BoolArray, frames: RecentFrames, usual_area: float | None = None,
+) -> list[Cluster]:
     """Connected components of the moving points: neighbours that move alike and have no background between them.
 
     Neighbours share an edge of the Delaunay triangulation with the points that stand still (``old``: (N,) points whose
-    motion would be known), so no link leads over one of those; nor over pixels that look as they did before.
+    motion would be known), so no link leads over one of those; nor over pixels that look as they did before. What holds
+    several objects by their ``usual_area`` is parted.
     """
     moving = np.flatnonzero(motion.moving)
     if len(moving) > MAX_MOVING:
@@ -115,9 +119,22 @@ def find_clusters(points: Points, motion: PointMotion, old: BoolArray, frames: R
     groups = [moving[group] for group in linked_groups(len(moving), links, MIN_PART)]
     largest_px = MAX_SIDE_SHARE * width
     bodies = joined_parts(groups, points.now, still, motion, frames[0].half, largest_px)
-    found = _clusters([body for body in bodies if len(body) >= MIN_POINTS], points, motion)
+    single = _parted_objects([body for body in bodies if len(body) >= MIN_POINTS], groups, points, motion, usual_area)
+    found = _clusters(single, points, motion)
     return [each for each in found if each.side_px <= largest_px or (
         each.side_px <= MAX_DENSE_SIDE_SHARE * width and _dense(np.searchsorted(moving, each.members), places, links))]
+
+
+def _parted_objects(
+    bodies: Sequence[Numbers], groups: Sequence[Numbers], points: Points, motion: PointMotion, usual_area: float | None,
+) -> list[Numbers]:
+    """Members of single objects. Bodies of several ``groups`` are one by what joined them."""
+    owner = np.empty(len(points), np.intp)
+    for number, group in enumerate(groups):
+        owner[group] = number
+    return [part for body in bodies for part in (
+        parted(body, points.now, motion.displacements, usual_area, MIN_POINTS) if owner[body[0]] == owner[body[-1]]
+        else [body])]
 
 
 def _dense(members: Numbers, places: FloatArray, links: Numbers) -> bool:

@@ -19,6 +19,7 @@ from motion_detect_ros.core.trajectories.object_motion import object_motion
 from motion_detect_ros.core.trajectories.point_scoring import POINT_SCORE, PointScore
 from motion_detect_ros.core.trajectories.points import Points, PointTracker
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
+from motion_detect_ros.core.trajectories.several_objects import UsualSize
 from motion_detect_ros.core.trajectories.soft_shadows import SoftShadows, without_shadow
 from motion_detect_ros.core.trajectories.spare_points import spare_points
 from motion_detect_ros.core.trajectories.standing import NOT_DENIED_LOG_ODDS, StandingPoints
@@ -55,7 +56,7 @@ class TrajectoryFinder:
         self._every = Every(FOUND_EVERY_S)
         self._tracker = PointTracker(config.trajectories.max_points)
         self._behind = Deferred[_Found]('trajectories')
-        self._sun = SunSide()
+        self._sun, self._usual = SunSide(), UsualSize()
         self._start_anew()
 
     def use_config(self, config: PipelineConfig) -> None:
@@ -80,6 +81,7 @@ class TrajectoryFinder:
         self.found = self._anew = False
         self._standing = StandingPoints()
         self._sun.reset()
+        self._usual.reset()
 
     def take(self) -> None:
         """Use what was found behind the last frame, which ``candidates`` does too. Raises: what finding it raised."""
@@ -134,6 +136,7 @@ class TrajectoryFinder:
         self._points = found.points
         if found.objects is not None and found.standing is not None:
             self.objects, self._standing, self._anew = found.objects, found.standing, True
+            self._usual.add([(each.cluster.low, each.cluster.high) for each in found.objects], self._frames[0].stamp_ns)
             self._sun.add([each.dark for each in found.objects if each.dark is not None], self._frames[0].stamp_ns)
 
     def _look(
@@ -147,7 +150,9 @@ class TrajectoryFinder:
         motion = object_motion(points, frames, camera)
         self._tracker.told(motion.moving, spare_points(points, motion, frames))
         known, moving = np.flatnonzero(old), np.flatnonzero(old & motion.moving)
-        clusters = ClusteredPoints(find_clusters(points, motion, old, frames), points, known, moving)
+        area = self._usual.area
+        clusters = ClusteredPoints(find_clusters(points, motion, old, frames, area), points, known, moving,
+                                   motion.displacements, area)
         standing = StandingPoints()
         standing.measured(points, motion, known)
         return _Found(points, objects_of(clusters, frames, mask, shadows, self._config, self._score), standing)

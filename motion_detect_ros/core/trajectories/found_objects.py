@@ -13,13 +13,14 @@ from motion_detect_ros.core.config import ObjectsConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.objects import is_allowed
 from motion_detect_ros.core.trajectories.changed_regions import ChangedRegions
-from motion_detect_ros.core.trajectories.clusters import Cluster, carried, joined
+from motion_detect_ros.core.trajectories.clusters import MIN_POINTS, Cluster, carried, joined
 from motion_detect_ros.core.trajectories.own_pixels import NearestPoints
 from motion_detect_ros.core.trajectories.point_boxes import BoxFitter, PointBox
 from motion_detect_ros.core.trajectories.point_counts import PointCounts
 from motion_detect_ros.core.trajectories.point_scoring import ClusterFigures, PointScore
 from motion_detect_ros.core.trajectories.points import Points
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
+from motion_detect_ros.core.trajectories.several_objects import parted
 from motion_detect_ros.core.trajectories.soft_shadows import SoftShadows
 from motion_detect_ros.core.types import BoolArray, DoubleArray
 
@@ -37,13 +38,19 @@ NO_NEURON = 0
 @dataclass(frozen=True)
 class ClusteredPoints:
     """Clusters of one frame. ``points``: of it; ``known``, ``moving``: which of these are old enough to show
-    motion, and do.
+    motion, and do; ``displacements``, ``usual_area``: as ``several_objects.parted`` takes them.
     """
 
     clusters: list[Cluster]
     points: Points
     known: npt.NDArray[np.intp]
     moving: npt.NDArray[np.intp]
+    displacements: Sequence[DoubleArray] = ()
+    usual_area: float | None = None
+
+    def is_one(self, cluster: Cluster) -> bool:
+        """Whether a cluster of several of these is a single object."""
+        return len(parted(cluster.members, self.points.now, self.displacements, self.usual_area, MIN_POINTS)) == 1
 
 
 @dataclass(frozen=True)
@@ -107,7 +114,7 @@ def objects_of(
     regions = ChangedRegions.of(frames, mask)
     sharp = _sharpened(believed, regions)
     bodies = [(body, parts) for body, parts in _bodies(sharp, regions, of.points, known, moving, score)
-              if body.log_odds >= score.least and allowed(body.box)]
+              if body.log_odds >= score.least and allowed(body.box) and of.is_one(body.cluster)]
     gone = {part for _, parts in bodies for part in parts}
     return [each for number, each in enumerate(sharp) if number not in gone] + [body for body, _ in bodies]
 
