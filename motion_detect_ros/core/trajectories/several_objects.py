@@ -1,7 +1,7 @@
 """Clusters that hold several objects: neighbours that drive alike and touch in the picture, by their shadows too.
 
-Nothing between two such objects tells them apart; that a scene's objects are of a size does. What is far larger than
-most of them, and fills its box worse than its two halves fill theirs, is two.
+Nothing between two such objects tells them apart; that a scene's objects are of a size does. What is larger than
+nearly all of them, and fills its box worse than its two halves fill theirs, is two.
 """
 
 from __future__ import annotations
@@ -20,9 +20,11 @@ from motion_detect_ros.core.types import NANOSECONDS, BoolArray, DoubleArray, Fl
 MEMORY_S, LEAST_OBJECTS = 2.0, 5
 #: Points see so far around their places, pixels: half of the tracker's window.
 SEEN_PX = 4.0
-#: What holds several objects is larger than the usual one by this factor of the area, and the boxes of its halves have
+#: The usual size is one that this share of the objects does not exceed: cars are usual among motorcycles, too.
+USUAL_SHARE = 0.75
+#: What holds several objects is larger than the usual size by this factor of the area, and the boxes of its halves have
 #: at most this share of its own together.
-LARGER, HALVES_SHARE = 2.5, 0.9
+LARGER, HALVES_SHARE = 1.6, 0.9
 #: Halves whose ways differ by more than this share are those of one body that comes closer or turns: the ways of
 #: neighbouring points differ by less, so it is large, and they change all over it.
 GROWS_SHARE = 0.12
@@ -35,8 +37,8 @@ Numbers = npt.NDArray[np.intp]
 
 
 class UsualSize:
-    """``area``: the median of the objects of the last seconds, pixels of the working resolution; None as long as too
-    few were seen together.
+    """``area``: which most objects of the last seconds do not exceed, pixels of the working resolution; None as long as
+    too few were seen together.
     """
 
     def __init__(self) -> None:
@@ -53,7 +55,9 @@ class UsualSize:
             self._seen.append((stamp_ns, np.array([_area(low, high) for low, high in bounds])))
         while self._seen and self._seen[0][0] < stamp_ns - MEMORY_S * NANOSECONDS:
             self._seen.popleft()
-        self.area = float(np.median(np.concatenate([areas for _, areas in self._seen]))) if self._seen else None
+        self.area = None
+        if self._seen:
+            self.area = float(np.quantile(np.concatenate([areas for _, areas in self._seen]), USUAL_SHARE))
 
 
 def parted(
