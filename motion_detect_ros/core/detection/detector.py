@@ -62,6 +62,7 @@ class MotionDetector:
         self._clusterer.reset()
         self._vectors.reset()
         self._counts.reset()
+        self._finder.reset()
         self._use_counts()
 
     def candidates(
@@ -81,7 +82,7 @@ class MotionDetector:
         segments = connected_segments(labels, clusters, self._join_match)
         field = MotionField(residual, background.behind(labels > 0), reference.seconds, frame.scale)
         pair = ImagePair(frame.gray, reference.gray, at_scale(reference.matrix, frame.scale), frame.mask)
-        found = without_fragments(self._finder.find(segments, field, pair, self._clusterer.names))
+        found = without_fragments(self._finder.find(segments, field, pair, self._clusterer.names, frame.stamp_ns))
         return with_growth(found, flow, field.object_flow, reference.seconds)
 
 

@@ -12,10 +12,11 @@ from motion_detect_ros.core.config import ObjectsConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.image_pair import ImagePair, image_noise
 from motion_detect_ros.core.detection.motion_field import MotionField
-from motion_detect_ros.core.detection.patches import Patch, connected_pixels, joined_patches, whole_body
+from motion_detect_ros.core.detection.patches import Patch, connected_pixels, joined_patches, parted_patch, whole_body
 from motion_detect_ros.core.detection.photometric import PhotometricTest, photometric_test, reach_px
 from motion_detect_ros.core.detection.scoring import log_odds
 from motion_detect_ros.core.detection.segments import Segment
+from motion_detect_ros.core.detection.several_objects import UsualSize
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.order_statistics import percentile
 from motion_detect_ros.core.geometry.warp import grid_points
@@ -52,11 +53,20 @@ class ObjectFinder:
     def __init__(self, config: ObjectsConfig, with_bodies: bool = True) -> None:
         self._config = config
         self._body_share = BODY_SHARE if with_bodies else math.inf
+        self._usual = UsualSize()
+
+    def reset(self) -> None:
+        """Another scene."""
+        self._usual.reset()
 
     def find(
         self, segments: list[Segment], field: MotionField, pair: ImagePair, names: npt.NDArray[np.uint32],
+        stamp_ns: int,
     ) -> list[Candidate]:
-        """Candidates in full-resolution pixels. names: (K,) number of each ART2 neuron."""
+        """Candidates in full-resolution pixels.
+
+        names: (K,) number of each ART2 neuron; stamp_ns: of the current picture of ``pair``.
+        """
         if not segments:
             return []
         rows, columns = field.residual.shape[:2]
@@ -72,7 +82,10 @@ class ObjectFinder:
                                 for patch in self._patches(segments[index], field, pair, noise_gray)]
 
         HELPERS.share(every, range(count))
-        return [candidate for each in found for candidate in each]
+        candidates = [candidate for each in found for candidate in each]
+        self._usual.add([float(each.size.prod()) * field.scale ** 2 for each in candidates if each.log_odds > 0.0],
+                        stamp_ns)
+        return candidates
 
     def _patches(self, segment: Segment, field: MotionField, pair: ImagePair, noise_gray: float) -> list[Patch]:
         """Foreground patches around one segment, working-resolution pixels."""
@@ -85,11 +98,13 @@ class ObjectFinder:
             pair, region, window, field.background_flow(window, width, height), motion, noise_gray,
             self._config.photometric_sigma)
         found = self._patches_of(test, segment, Box(region.left, region.top, width, height), field.residual.shape[:2])
-        near_area = math.inf
+        near_area, usual_area = math.inf, None
         if field.background.smooth:  # before one in space the test reaches far beside the segment, where flow leaks
-            near_area = NEAR_SHARE * width * height
+            near_area, usual_area = NEAR_SHARE * width * height, self._usual.area
             found = whole_body(found, self._body_share * width * height, self._config.max_area_share * width * height)
-        return [patch.moved(region.left, region.top) for patch in joined_patches(found, near_area)
+        single = [part for patch in joined_patches(found, near_area)
+                  for part in parted_patch(patch, test.foreground, usual_area)]
+        return [patch.moved(region.left, region.top) for patch in single
                 if is_allowed((patch.box.width, patch.box.height), width * height, self._config)]
 
     @staticmethod

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from motion_detect_ros.core.detection.several_objects import LARGER, halves
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.types import BoolArray, ByteArray
 
@@ -19,6 +20,11 @@ MAX_SPREAD = 1.3
 NEAR_SPREAD = 2.0
 #: Gap between them, at most, share of the smaller one's size.
 GAP_SHARE = 0.4
+#: Of a patch that may hold several objects no more than about so many pixels are looked at; each object has this share
+#: of them, and so many, at least.
+MOST_PLACES, LEAST_SHARE, LEAST_PLACES = 600, 0.2, 8
+#: How far a pixel reaches around its centre.
+HALF_PIXEL = 0.5
 
 
 @dataclass(frozen=True)
@@ -86,3 +92,25 @@ def _close(a: Patch, b: Patch, near_area: float) -> bool:
         return False
     common = a.box.union(b.box).area
     return common <= (MAX_SPREAD if common < near_area else NEAR_SPREAD) * sum(areas)
+
+
+def parted_patch(patch: Patch, foreground: BoolArray, usual_area: float | None) -> list[Patch]:
+    """The patches of each object that a patch of the foreground, (h, w), holds: itself, or several.
+
+    usual_area: of ``UsualSize``.
+    """
+    box = patch.box
+    if usual_area is None or box.area < LARGER * usual_area:
+        return [patch]
+    rows, columns = np.nonzero(foreground[box.top:box.bottom, box.left:box.right])
+    sparse = slice(None, None, 1 + len(rows) // MOST_PLACES)
+    places = np.stack([columns[sparse], rows[sparse]], axis=1).astype(np.float32)
+    first = halves(places, usual_area, max(LEAST_PLACES, int(LEAST_SHARE * len(places))), HALF_PIXEL)
+    if first is None:
+        return [patch]
+    found = list[Patch]()
+    for half in (first, ~first):
+        (left, top), (right, bottom) = places[half].min(axis=0).astype(int), places[half].max(axis=0).astype(int) + 1
+        there = Box(box.left + int(left), box.top + int(top), box.left + int(right), box.top + int(bottom))
+        found += parted_patch(Patch(there, int(half.mean() * patch.pixels)), foreground, usual_area)
+    return found

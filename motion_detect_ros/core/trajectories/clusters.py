@@ -19,10 +19,10 @@ from motion_detect_ros.core.trajectories.alike import moved_alike
 from motion_detect_ros.core.trajectories.changes import changed_pixels, long_ago
 from motion_detect_ros.core.trajectories.linked_groups import linked_groups
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
+from motion_detect_ros.core.trajectories.parted_clusters import parted
 from motion_detect_ros.core.trajectories.plain_bodies import MIN_PART, joined_parts
 from motion_detect_ros.core.trajectories.points import THINNED_PX, Points
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
-from motion_detect_ros.core.trajectories.several_objects import parted
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 
 #: Longest link between two neighbours, pixels, and how much of it must lie on what changed: a little over the spacing

@@ -11,15 +11,16 @@ import numpy as np
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.deferred import LATER_S, Deferred
 from motion_detect_ros.core.detection.candidate import Candidate
+from motion_detect_ros.core.detection.several_objects import UsualSize
 from motion_detect_ros.core.periods import Every
 from motion_detect_ros.core.trajectories.clusters import find_clusters
 from motion_detect_ros.core.trajectories.found_objects import ClusteredPoints, FoundObject, moved_on, objects_of
 from motion_detect_ros.core.trajectories.hard_shadows import SunSide
 from motion_detect_ros.core.trajectories.object_motion import object_motion
+from motion_detect_ros.core.trajectories.parted_clusters import seen_area
 from motion_detect_ros.core.trajectories.point_scoring import POINT_SCORE, PointScore
 from motion_detect_ros.core.trajectories.points import Points, PointTracker
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
-from motion_detect_ros.core.trajectories.several_objects import UsualSize
 from motion_detect_ros.core.trajectories.soft_shadows import SoftShadows, without_shadow
 from motion_detect_ros.core.trajectories.spare_points import spare_points
 from motion_detect_ros.core.trajectories.standing import NOT_DENIED_LOG_ODDS, StandingPoints
@@ -136,7 +137,8 @@ class TrajectoryFinder:
         self._points = found.points
         if found.objects is not None and found.standing is not None:
             self.objects, self._standing, self._anew = found.objects, found.standing, True
-            self._usual.add([(each.cluster.low, each.cluster.high) for each in found.objects], self._frames[0].stamp_ns)
+            self._usual.add([seen_area(each.cluster.low, each.cluster.high) for each in found.objects],
+                            self._frames[0].stamp_ns)
             self._sun.add([each.dark for each in found.objects if each.dark is not None], self._frames[0].stamp_ns)
 
     def _look(

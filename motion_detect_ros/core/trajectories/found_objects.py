@@ -15,12 +15,12 @@ from motion_detect_ros.core.detection.objects import is_allowed
 from motion_detect_ros.core.trajectories.changed_regions import ChangedRegions
 from motion_detect_ros.core.trajectories.clusters import MIN_POINTS, Cluster, carried, joined
 from motion_detect_ros.core.trajectories.own_pixels import NearestPoints
+from motion_detect_ros.core.trajectories.parted_clusters import parted
 from motion_detect_ros.core.trajectories.point_boxes import BoxFitter, PointBox
 from motion_detect_ros.core.trajectories.point_counts import PointCounts
 from motion_detect_ros.core.trajectories.point_scoring import ClusterFigures, PointScore
 from motion_detect_ros.core.trajectories.points import Points
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
-from motion_detect_ros.core.trajectories.several_objects import parted
 from motion_detect_ros.core.trajectories.soft_shadows import SoftShadows
 from motion_detect_ros.core.types import BoolArray, DoubleArray
 
@@ -38,7 +38,7 @@ NO_NEURON = 0
 @dataclass(frozen=True)
 class ClusteredPoints:
     """Clusters of one frame. ``points``: of it; ``known``, ``moving``: which of these are old enough to show
-    motion, and do; ``displacements``, ``usual_area``: as ``several_objects.parted`` takes them.
+    motion, and do; ``displacements``, ``usual_area``: as ``parted_clusters.parted`` takes them.
     """
 
     clusters: list[Cluster]

@@ -134,7 +134,7 @@ def test_every_pixel_of_a_fast_square_is_foreground(step: tuple[int, int]) -> No
     sigma = np.ones(residual.shape[:2], np.float32)
     grid = MotionField(residual, Background(np.zeros_like(residual), sigma), 0.04, 1.0)
     pair = ImagePair(pictures[1], pictures[0], np.eye(3))
-    found = ObjectFinder(ObjectsConfig()).find([segment], grid, pair, np.arange(2, dtype=np.uint32))
+    found = ObjectFinder(ObjectsConfig()).find([segment], grid, pair, np.arange(2, dtype=np.uint32), 0)
     assert len(found) == 1
     np.testing.assert_allclose(found[0].centre, [(now.left + now.right) / 2, (now.top + now.bottom) / 2], atol=1.5)
     np.testing.assert_allclose(found[0].size, 20.0, atol=4.5)  # averaging and closing add to a small box
@@ -168,7 +168,7 @@ def test_segments_are_the_same_by_two_threads(monkeypatch: pytest.MonkeyPatch) -
         where.clear()
         with limited(count):
             found[count] = [repr(each) for each in ObjectFinder(ObjectsConfig()).find(
-                segments, grid, ImagePair(current, earlier, np.eye(3)), np.arange(2, dtype=np.uint32))]
+                segments, grid, ImagePair(current, earlier, np.eye(3)), np.arange(2, dtype=np.uint32), 0)]
         assert len(where) == count
     assert len(found[1]) == len(segments)
     assert found[1] == found[2]

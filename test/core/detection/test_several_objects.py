@@ -1,19 +1,25 @@
-"""Clusters that hold several objects: points and pictures whose objects are known."""
+"""What holds several objects: points, patches and pictures whose objects are known."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from still_camera import step
 from warps import blocks
 
+from motion_detect_ros.core.detection.patches import Patch, parted_patch
+from motion_detect_ros.core.detection.several_objects import UsualSize
+from motion_detect_ros.core.geometry.boxes import Box
+from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.trajectories.clusters import MIN_POINTS
 from motion_detect_ros.core.trajectories.finder import TrajectoryFinder
-from motion_detect_ros.core.trajectories.several_objects import UsualSize, parted
+from motion_detect_ros.core.trajectories.parted_clusters import parted
 from motion_detect_ros.core.types import CameraModel
 from motion_detect_ros.presets import load_preset
+from motion_detect_ros.sources.synthetic import FlightConfig, ObjectSpec, SyntheticFlight
 
 SECOND_NS = 1_000_000_000
 #: Left, top, width, height.
@@ -84,8 +90,7 @@ class TestParted:
 
 
 class TestUsualSize:
-    CAR = np.array([100.0, 100.0]), np.array([132.0, 112.0])
-    BUS = np.array([100.0, 200.0]), np.array([212.0, 222.0])
+    CAR, BUS = CAR_AREA, 3600.0
 
     def test_one_in_five_does_not_change_it(self) -> None:
         usual = UsualSize()
@@ -95,7 +100,7 @@ class TestUsualSize:
     def test_two_in_five_do(self) -> None:
         usual = UsualSize()
         usual.add([self.BUS, self.CAR, self.CAR, self.CAR, self.BUS], SECOND_NS)
-        assert usual.area == pytest.approx(120 * 30)
+        assert usual.area == pytest.approx(self.BUS)
 
     def test_is_not_known_from_few_objects_seen_again_and_again(self) -> None:
         usual = UsualSize()
@@ -118,7 +123,34 @@ class TestUsualSize:
         assert usual.area is None
 
 
-class TestFinder:
+class TestPatches:
+    """The same of pixels: two neighbours, 20 pixels off the corner of the picture."""
+
+    @staticmethod
+    def patches(*objects: Rectangle, usual_area: float | None = CAR_AREA) -> list[Box]:
+        foreground = np.zeros((200, 200), np.bool_)
+        for left, top, width, height in objects:
+            foreground[top:top + height, left:left + width] = True
+        whole = Patch(Box(20, 20, 20 + np.ptp(foreground.any(axis=0).nonzero()) + 1,
+                          20 + np.ptp(foreground.any(axis=1).nonzero()) + 1), int(foreground.sum()))
+        found = parted_patch(whole, foreground, usual_area)
+        assert sum(each.pixels for each in found) == pytest.approx(whole.pixels, abs=2)
+        return sorted((each.box for each in found), key=lambda box: (box.left, box.top))
+
+    def test_two_of_the_usual_size_side_by_side_are_two(self) -> None:
+        """No more than about 600 of 1600 pixels are looked at: edges may be off by two."""
+        one, other = self.patches((20, 20, 40, 20), (44, 40, 40, 20))
+        assert [one.left, one.top, one.right, one.bottom] == pytest.approx([20, 20, 60, 40], abs=2)
+        assert [other.left, other.top, other.right, other.bottom] == pytest.approx([44, 40, 84, 60], abs=2)
+
+    def test_a_large_one_is_one(self) -> None:
+        assert self.patches((20, 20, 120, 40)) == [Box(20, 20, 140, 60)]
+
+    def test_it_is_left_as_it_is_as_long_as_the_usual_size_is_not_known(self) -> None:
+        assert self.patches((20, 20, 40, 20), (44, 40, 40, 20), usual_area=None) == [Box(20, 20, 84, 60)]
+
+
+class TestPictures:
     """Cars of 40 x 24 pixels that go to the right by 2 pixels a frame for 60 frames, 25 a second, over still ground."""
 
     HEIGHT, WIDTH, PERIOD_NS = 300, 640, SECOND_NS // 25
@@ -128,16 +160,19 @@ class TestFinder:
     #: Their pictures touch along 4 pixels.
     PAIR: Sequence[Rectangle] = ((150, 120, 40, 24), (186, 144, 40, 24))
 
-    def found(self, objects: Sequence[Rectangle]) -> list[list[float]]:
-        """Left, top, right and bottom of what is found last around ``PAIR``."""
+    def pictures(self, objects: Sequence[Rectangle]) -> Iterator[np.ndarray]:
         ground = blocks(1, self.HEIGHT, self.WIDTH, 80, 120)
-        finder, last = TrajectoryFinder(load_preset('visdrone')), list[list[float]]()
         for index in range(60):
             gray = ground.copy()
             for number, (left, top, width, height) in enumerate(objects):
                 there = left + 2 * index
                 gray[top:top + height, there:there + width] = blocks(2 + number, height, width, 160, 255)
-            picture = np.clip(np.rint(gray), 0, 255).astype(np.uint8)
+            yield np.clip(np.rint(gray), 0, 255).astype(np.uint8)
+
+    def found(self, objects: Sequence[Rectangle]) -> list[list[float]]:
+        """Left, top, right and bottom of what is found last around ``PAIR``."""
+        finder, last = TrajectoryFinder(load_preset('visdrone')), list[list[float]]()
+        for index, picture in enumerate(self.pictures(objects)):
             candidates = finder.candidates(*step(picture, index, self.PERIOD_NS), self.CAMERA)
             last = [[*(each.centre - each.size / 2.0), *(each.centre + each.size / 2.0)] for each in candidates]
         return sorted(box for box in last if 100.0 < box[1] < 160.0)
@@ -150,3 +185,26 @@ class TestFinder:
 
     def test_alone_it_may_be_a_lorry(self) -> None:
         assert self.found(self.PAIR) == [pytest.approx([268, 120, 344, 168], abs=8.0)]
+
+
+def shown_by_flow(alone: bool) -> int:
+    """How many boxes the preset ``default`` reports last in the middle of a flight over boxes of about 80 x 33 pixels:
+    two that touch along a quarter of their length, without or with six others of their size and speed.
+    """
+    pair = (0.0, 0.0), (3.3, -1.85)
+    others = () if alone else ((-12.0, 8.0), (2.0, 9.0), (12.0, 8.0), (-12.0, -8.0), (1.0, -9.0), (12.0, -8.5))
+    boxes = tuple(ObjectSpec('box', x - 6.0, y, 0.0, 6.0, 4.4, 1.8, 1.0) for x, y in (*pair, *others))
+    flight = SyntheticFlight(replace(
+        FlightConfig.approach(0.0, frames=41), width=960, height=540, altitude_m=40.0, objects=boxes))
+    pipeline = MotionPipeline()
+    for frame in flight:
+        last = pipeline.process(frame.image, frame.stamp_ns).detections
+    return int((np.abs(last['v'] - 285.0) < 80.0).sum())
+
+
+def test_a_pair_that_flow_shows_among_others_is_two() -> None:
+    assert shown_by_flow(alone=False) == 2
+
+
+def test_a_pair_that_flow_shows_alone_is_one() -> None:
+    assert shown_by_flow(alone=True) == 1
