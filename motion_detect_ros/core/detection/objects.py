@@ -28,7 +28,8 @@ MARGIN_PX = 3
 #: The same before a three-dimensional background, share of the segment's size: only the part of an object that is below
 #: the ground's depth gives it away, what stands above that part may be as large.
 SPACE_MARGIN_SHARE = 0.5
-#: Parts of one near body may lie apart from this share of the image on: limbs. Cars side by side cover less.
+#: Parts of one near body may lie apart from this share of the image on: limbs. Cars side by side cover less, and only
+#: what covers less is taken for several objects.
 NEAR_SHARE = 0.05
 #: All parts of one segment are one body where the box around them is at least this share of the image: of plain fur and
 #: clothes only edges give themselves away. Vehicles that drive alike, seen from above, make segments of up to 0.1, and
@@ -103,7 +104,7 @@ class ObjectFinder:
             near_area, usual_area = NEAR_SHARE * width * height, self._usual.area
             found = whole_body(found, self._body_share * width * height, self._config.max_area_share * width * height)
         single = [part for patch in joined_patches(found, near_area)
-                  for part in parted_patch(patch, test.foreground, usual_area)]
+                  for part in parted_patch(patch, test.foreground, usual_area if patch.box.area < near_area else None)]
         return [patch.moved(region.left, region.top) for patch in single
                 if is_allowed((patch.box.width, patch.box.height), width * height, self._config)]
 
