@@ -35,6 +35,8 @@ NEAR_SHARE = 0.05
 #: clothes only edges give themselves away. Vehicles that drive alike, seen from above, make segments of up to 0.1, and
 #: more where the camera is low: where points are tracked, which tell them apart, parts are left as they are.
 BODY_SHARE = 0.15
+#: So many objects in a frame tell which size is usual: fewer may be the pieces of a single near body.
+LEAST_OBJECTS = 10
 #: Fewer foreground pixels than this are noise.
 MIN_PIXELS = 8
 #: The gain that a patch's strongest pixels reach, as a percentile.
@@ -54,7 +56,7 @@ class ObjectFinder:
     def __init__(self, config: ObjectsConfig, with_bodies: bool = True) -> None:
         self._config = config
         self._body_share = BODY_SHARE if with_bodies else math.inf
-        self._usual = UsualSize()
+        self._usual = UsualSize(LEAST_OBJECTS)
 
     def reset(self) -> None:
         """Another scene."""

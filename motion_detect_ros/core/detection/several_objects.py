@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from motion_detect_ros.core.types import NANOSECONDS, BoolArray, DoubleArray, FloatArray
 
-#: So long objects are remembered, seconds; at least so many of one frame count.
-MEMORY_S, LEAST_OBJECTS = 2.0, 5
+#: So long objects are remembered, seconds.
+MEMORY_S = 2.0
 #: The usual size is one that this share of the objects does not exceed: cars are usual among motorcycles, too.
 USUAL_SHARE = 0.75
 #: What holds several objects is larger than the usual size by this factor of the area, and the boxes of its halves have
@@ -31,7 +31,9 @@ class UsualSize:
     too few were seen together.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, least_objects: int) -> None:
+        """least_objects: so many of one frame count."""
+        self._least = least_objects
         self.reset()
 
     def reset(self) -> None:
@@ -41,7 +43,7 @@ class UsualSize:
 
     def add(self, areas: Sequence[float], stamp_ns: int) -> None:
         """Those of the objects of one frame, as ``halves`` measures them, and its stamp."""
-        if len(areas) >= LEAST_OBJECTS:
+        if len(areas) >= self._least:
             self._seen.append((stamp_ns, np.array(areas)))
         while self._seen and self._seen[0][0] < stamp_ns - MEMORY_S * NANOSECONDS:
             self._seen.popleft()

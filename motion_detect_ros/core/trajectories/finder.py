@@ -17,7 +17,7 @@ from motion_detect_ros.core.trajectories.clusters import find_clusters
 from motion_detect_ros.core.trajectories.found_objects import ClusteredPoints, FoundObject, moved_on, objects_of
 from motion_detect_ros.core.trajectories.hard_shadows import SunSide
 from motion_detect_ros.core.trajectories.object_motion import object_motion
-from motion_detect_ros.core.trajectories.parted_clusters import seen_area
+from motion_detect_ros.core.trajectories.parted_clusters import LEAST_OBJECTS, seen_area
 from motion_detect_ros.core.trajectories.point_scoring import POINT_SCORE, PointScore
 from motion_detect_ros.core.trajectories.points import Points, PointTracker
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
@@ -57,7 +57,7 @@ class TrajectoryFinder:
         self._every = Every(FOUND_EVERY_S)
         self._tracker = PointTracker(config.trajectories.max_points)
         self._behind = Deferred[_Found]('trajectories')
-        self._sun, self._usual = SunSide(), UsualSize()
+        self._sun, self._usual = SunSide(), UsualSize(LEAST_OBJECTS)
         self._start_anew()
 
     def use_config(self, config: PipelineConfig) -> None:

@@ -13,6 +13,8 @@ from motion_detect_ros.core.types import DoubleArray, FloatArray
 
 #: Points see so far around their places, pixels: half of the tracker's window.
 SEEN_PX = 4.0
+#: So many objects in a frame tell which size is usual.
+LEAST_OBJECTS = 5
 #: Halves whose ways differ by more than this share are those of one body that comes closer or turns: the ways of
 #: neighbouring points differ by less, so it is large, and they change all over it.
 GROWS_SHARE = 0.12

@@ -93,23 +93,23 @@ class TestUsualSize:
     CAR, BUS = CAR_AREA, 3600.0
 
     def test_one_in_five_does_not_change_it(self) -> None:
-        usual = UsualSize()
+        usual = UsualSize(5)
         usual.add([self.BUS, self.CAR, self.CAR, self.CAR, self.CAR], SECOND_NS)
         assert usual.area == pytest.approx(CAR_AREA)
 
     def test_two_in_five_do(self) -> None:
-        usual = UsualSize()
+        usual = UsualSize(5)
         usual.add([self.BUS, self.CAR, self.CAR, self.CAR, self.BUS], SECOND_NS)
         assert usual.area == pytest.approx(self.BUS)
 
     def test_is_not_known_from_few_objects_seen_again_and_again(self) -> None:
-        usual = UsualSize()
+        usual = UsualSize(5)
         for index in range(20):
             usual.add([self.CAR] * 4, SECOND_NS + index)
         assert usual.area is None
 
     def test_is_remembered_for_two_seconds(self) -> None:
-        usual = UsualSize()
+        usual = UsualSize(5)
         usual.add([self.CAR] * 5, SECOND_NS)
         usual.add([], 3 * SECOND_NS)
         assert usual.area == pytest.approx(CAR_AREA)
@@ -117,7 +117,7 @@ class TestUsualSize:
         assert usual.area is None
 
     def test_is_that_of_the_scene(self) -> None:
-        usual = UsualSize()
+        usual = UsualSize(5)
         usual.add([self.CAR] * 5, SECOND_NS)
         usual.reset()
         assert usual.area is None
@@ -189,10 +189,10 @@ class TestPictures:
 
 def shown_by_flow(alone: bool) -> int:
     """How many boxes the preset ``default`` reports last in the middle of a flight over boxes of about 80 x 33 pixels:
-    two that touch along a quarter of their length, without or with six others of their size and speed.
+    two that touch along a quarter of their length, without or with ten others of their size and speed.
     """
     pair = (0.0, 0.0), (3.3, -1.85)
-    others = () if alone else ((-12.0, 8.0), (2.0, 9.0), (12.0, 8.0), (-12.0, -8.0), (1.0, -9.0), (12.0, -8.5))
+    others = () if alone else tuple((x, y) for y in (9.0, -9.0) for x in (-16.0, -8.0, 0.0, 8.0, 16.0))
     boxes = tuple(ObjectSpec('box', x - 6.0, y, 0.0, 6.0, 4.4, 1.8, 1.0) for x, y in (*pair, *others))
     flight = SyntheticFlight(replace(
         FlightConfig.approach(0.0, frames=41), width=960, height=540, altitude_m=40.0, objects=boxes))

@@ -294,9 +294,11 @@ def test_objects_are_found_behind_the_frame_where_the_next_one_comes_soon(
     """Either way boxes lie where the square is in the frame they are given for."""
     finder, clustered, period_ns = TrajectoryFinder(load_preset('visdrone')), list[int](), 10 ** 9 // hz
 
-    def find_clusters(points: Points, motion: PointMotion, old: np.ndarray, frames: RecentFrames) -> list[Cluster]:
+    def find_clusters(
+        points: Points, motion: PointMotion, old: np.ndarray, frames: RecentFrames, usual_area: float | None,
+    ) -> list[Cluster]:
         clustered.append(frames[0].stamp_ns // period_ns - 1)
-        return clusters.find_clusters(points, motion, old, frames)
+        return clusters.find_clusters(points, motion, old, frames, usual_area)
 
     monkeypatch.setattr('motion_detect_ros.core.trajectories.finder.find_clusters', find_clusters)
     pan = np.array([[1, 0, -1.3], [0, 1, -0.4], [0, 0, 1]])
