@@ -25,6 +25,7 @@ from motion_detect_ros.benchmarks.substitutes import (
     run_choices,
 )
 from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.detection import objects
 from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.settings import with_settings
 from motion_detect_ros.core.types import TRUTH_DTYPE, empty_detections
@@ -126,8 +127,12 @@ class TestSubstitutes:
         part = ablation.Part('', {}, substitute=Substitute(ONE_CLUSTER))
         assert sum(map(len, ablation.run_task((clip, part)).detections.values())) == 0
 
-    def test_boxes_that_touch_need_clusters(self, tmp_path: Path) -> None:
-        """Each pair is side by side around frame 30: as one cluster it is one box, which overlaps neither by half."""
+    def test_boxes_that_touch_need_clusters(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Each pair is side by side around frame 30: as one cluster it is one box, which overlaps neither by half.
+
+        Where so many are of one size it would be cut in two, whatever the clusters.
+        """
+        monkeypatch.setattr(objects, 'parted_patch', lambda patch, *_: [patch])
         clip = passing.write_clip(passing.flight(4.0), tmp_path, 'passing')
         (_, art2), (_, merged) = (run.scores() for run in run_choices(
             clip, [Choice(), Choice(substitute=Substitute(ONE_CLUSTER))]))
