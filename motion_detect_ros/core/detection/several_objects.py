@@ -6,17 +6,15 @@ nearly all of them, and fills its box worse than its two halves fill theirs, is 
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from motion_detect_ros.core.types import NANOSECONDS, BoolArray, DoubleArray, FloatArray
+from motion_detect_ros.core.detection.recent_objects import RecentObjects
+from motion_detect_ros.core.types import BoolArray, FloatArray
 
-#: So long objects are remembered, seconds.
-MEMORY_S = 2.0
 #: The usual size is one that this share of the objects does not exceed: cars are usual among motorcycles, too.
 USUAL_SHARE = 0.75
 #: What holds several objects is larger than the usual size by this factor of the area, and the boxes of its halves have
@@ -33,23 +31,19 @@ class UsualSize:
 
     def __init__(self, least_objects: int) -> None:
         """least_objects: so many of one frame count."""
-        self._least = least_objects
+        self._recent = RecentObjects(least_objects)
         self.reset()
 
     def reset(self) -> None:
         """Another scene."""
-        self._seen = deque[tuple[int, DoubleArray]]()
+        self._recent.reset()
         self.area: float | None = None
 
     def add(self, areas: Sequence[float], stamp_ns: int) -> None:
         """Those of the objects of one frame, as ``halves`` measures them, and its stamp."""
-        if len(areas) >= self._least:
-            self._seen.append((stamp_ns, np.array(areas)))
-        while self._seen and self._seen[0][0] < stamp_ns - MEMORY_S * NANOSECONDS:
-            self._seen.popleft()
-        self.area = None
-        if self._seen:
-            self.area = float(np.quantile(np.concatenate([each for _, each in self._seen]), USUAL_SHARE))
+        self._recent.add(areas, stamp_ns)
+        all_areas = self._recent.figures()
+        self.area = None if all_areas is None else float(np.quantile(all_areas, USUAL_SHARE))
 
 
 def halves(places: FloatArray, usual_area: float | None, least: int, reach_px: float) -> BoolArray | None:

@@ -9,22 +9,22 @@ the trousers of people in light shirts, is taken for a shadow.
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Sequence
 
 import cv2
 import numpy as np
 
+from motion_detect_ros.core.detection.recent_objects import RecentObjects
 from motion_detect_ros.core.trajectories.soft_shadows import BRIGHTEST, DARKEST
-from motion_detect_ros.core.types import NANOSECONDS, BoolArray, DoubleArray, FloatArray, RecordArray
+from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray, RecordArray
 
 #: What is narrower than this is a rim of the object or of its shadow, pixels.
 RIM = np.ones((5, 5), np.uint8)
 #: A smaller share of bright pixels says nothing; rows and columns with less than this share of those of the fullest are
 #: no part of what is bright.
 LEAST_BRIGHT, LEAST_LINE = 0.2, 0.2
-#: So long objects are remembered, seconds; at least so many of one frame count.
-MEMORY_S, LEAST_OBJECTS = 2.0, 5
+#: At least so many objects of one frame count.
+LEAST_OBJECTS = 5
 #: The share of objects whose dark side may reach less far; the most of a box that may be shadow.
 EXCEPTIONS, MOST = 0.25, 1.0 / 3.0
 #: A side of a box this close to the edge of the picture is where the picture ends, pixels.
@@ -60,22 +60,20 @@ class SunSide:
     """
 
     def __init__(self) -> None:
+        self._recent = RecentObjects(LEAST_OBJECTS)
         self.reset()
 
     def reset(self) -> None:
         """Another scene."""
-        self._seen = deque[tuple[int, DoubleArray]]()
+        self._recent.reset()
         self.share = np.zeros(2)
 
     def add(self, sides: Sequence[DoubleArray], stamp_ns: int) -> None:
         """Objects of one frame, as ``dark_side`` returns them, and its stamp."""
-        if len(sides) >= LEAST_OBJECTS:
-            self._seen.append((stamp_ns, np.array(sides)))
-        while self._seen and self._seen[0][0] < stamp_ns - MEMORY_S * NANOSECONDS:
-            self._seen.popleft()
+        self._recent.add(sides, stamp_ns)
+        all_sides = self._recent.figures()
         self.share = np.zeros(2)
-        if self._seen:
-            all_sides = np.concatenate([each for _, each in self._seen])
+        if all_sides is not None:
             low, high = np.quantile(all_sides, (EXCEPTIONS, 1.0 - EXCEPTIONS), axis=0)
             self.share = np.clip(np.maximum(low, 0.0) + np.minimum(high, 0.0), -MOST, MOST)
 
