@@ -169,6 +169,7 @@ class TestBodies:
 
 def objects_with(
     groups: Sequence[tuple[Rectangle, float]], body: Rectangle, score: PointScore, max_area_share: float = 0.5,
+    usual_area: float | None = None,
 ) -> list[FoundObject]:
     """Of a body that moves by 4 pixels a frame, whose points are in clusters: where, and pixels a second apart."""
     frames = history({body: 4.0})
@@ -185,7 +186,8 @@ def objects_with(
     points = Points(path, np.full(len(now), FRAMES - 1, np.int32), np.zeros((len(now), 2), np.float32),
                     np.arange(len(now)))
     every = np.arange(len(now))
-    return objects_of(ClusteredPoints(clusters, points, every, every), frames, None, SoftShadows(frames),
+    of = ClusteredPoints(clusters, points, every, every, usual_area=usual_area)
+    return objects_of(of, frames, None, SoftShadows(frames),
                       replace(load_preset('visdrone').objects, max_area_share=max_area_share), score)
 
 
@@ -206,6 +208,12 @@ class TestObjects:
     def test_parts_stay_where_the_whole_is_larger_than_allowed(self) -> None:
         """The body is 0.052 of the picture, its parts are 0.031 and 0.026."""
         assert len(objects_with(self.PARTS, self.BODY, PointScore(), max_area_share=0.045)) == 2
+
+    def test_parts_stay_where_the_whole_is_too_large_for_one_object_of_the_scene(self) -> None:
+        """Two that overlap at a corner, in one region of 100 x 70 pixels."""
+        pair, body = (((200, 60, 60, 40), 0.0), ((240, 90, 60, 40), 5.0)), (200, 60, 100, 70)
+        assert len(objects_with(pair, body, PointScore())) == 1
+        assert len(objects_with(pair, body, PointScore(), usual_area=2400.0)) == 2
 
 
 def test_a_small_box_ends_where_its_object_does() -> None:

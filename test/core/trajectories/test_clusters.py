@@ -65,7 +65,9 @@ class Textured(Car):
         return np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2).astype(np.float32)
 
 
-def clusters_of(cars: list[Car], still: np.ndarray | None = None, history: int = 20) -> list[tuple[int, int]]:
+def clusters_of(
+    cars: list[Car], still: np.ndarray | None = None, history: int = 20, usual_area: float | None = None,
+) -> list[tuple[int, int]]:
     """Left and right end of each cluster, pixels. cars: drawn in their order; history: frames before the newest."""
     pictures = []
     for ago in range(history, -1, -1):
@@ -84,7 +86,7 @@ def clusters_of(cars: list[Car], still: np.ndarray | None = None, history: int =
     own = np.stack([speed, np.zeros_like(speed)], axis=1)
     motion = replace(PointMotion.at_rest(len(places)), velocity=20.0 * own, sigmas=np.where(speed != 0.0, 20.0, 0.0),
                      displacements=(history * own, history / 2.0 * own), seconds=(history / 20.0, history / 40.0))
-    found = find_clusters(points, motion, np.ones(len(places), bool), frames)
+    found = find_clusters(points, motion, np.ones(len(places), bool), frames, usual_area)
     return sorted((round(each.low[0]), round(each.high[0])) for each in found)
 
 
@@ -120,6 +122,15 @@ class TestClusters:
     def test_ends_of_a_long_roof_that_goes_less_than_its_length_in_a_second_are_one(self) -> None:
         """Between its ends the picture looks as it did half a second and a second ago."""
         assert clusters_of([Car(100, 100, 70, 24, 1.0)]) == [(102, 168)]
+
+    def test_they_are_one_among_small_ones_too(self) -> None:
+        """The bounds of their points are three times the usual size, and the halves' leave most of them empty."""
+        assert clusters_of([Car(100, 100, 70, 24, 1.0)], usual_area=700.0) == [(102, 168)]
+
+    def test_neighbours_that_overlap_are_two_where_one_is_too_large(self) -> None:
+        pair = [Textured(100, 100, 42, 24, 4.0), Textured(130, 118, 42, 24, 4.0)]
+        assert len(clusters_of(pair)) == 1
+        assert len(clusters_of(pair, usual_area=1000.0)) == 2
 
     def test_ends_that_go_at_two_speeds_are_two_whatever_is_between(self) -> None:
         """Two bars 60 pixels apart, and a plain patch of paint that reaches from one to the other."""
