@@ -139,6 +139,12 @@ class TestSubstitutes:
         assert art2.recall > 0.9
         assert merged.recall < 0.8
 
+    def test_boxes_that_pass_each_other_are_not_cut_where_they_touch(self, tmp_path: Path) -> None:
+        """A piece of the other box makes each larger than usual: it is not an object."""
+        clip = passing.write_clip(passing.flight(4.0), tmp_path, 'passing')
+        score, _ = run_clip(Job(clip, {})).scores()
+        assert score.recall > 0.9 and score.false_per_frame < 0.1
+
     def test_what_is_not_installed_is_left_out(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(sys.modules, 'sklearn', None)
         monkeypatch.setitem(sys.modules, 'sklearn.cluster', None)

@@ -16,7 +16,7 @@ from motion_detect_ros.core.detection.patches import Patch, connected_pixels, jo
 from motion_detect_ros.core.detection.photometric import PhotometricTest, photometric_test, reach_px
 from motion_detect_ros.core.detection.scoring import log_odds
 from motion_detect_ros.core.detection.segments import Segment
-from motion_detect_ros.core.detection.several_objects import UsualSize
+from motion_detect_ros.core.detection.several_objects import LARGER, UsualSize
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.order_statistics import percentile
 from motion_detect_ros.core.geometry.warp import grid_points
@@ -105,9 +105,12 @@ class ObjectFinder:
         if field.background.smooth:  # before one in space the test reaches far beside the segment, where flow leaks
             near_area, usual_area = NEAR_SHARE * width * height, self._usual.area
             found = whole_body(found, self._body_share * width * height, self._config.max_area_share * width * height)
-        single = [part for patch in joined_patches(found, near_area)
-                  for part in parted_patch(patch, test.foreground, usual_area if patch.box.area < near_area else None)]
-        return [patch.moved(region.left, region.top) for patch in single
+        found = joined_patches(found, near_area)
+        if usual_area is not None and any(LARGER * usual_area <= patch.box.area < near_area for patch in found):
+            own = segment.pixels(region, field.residual.shape[:2], (height, width))
+            found = [part for patch in found
+                     for part in parted_patch(patch, test.foreground, own, usual_area, near_area)]
+        return [patch.moved(region.left, region.top) for patch in found
                 if is_allowed((patch.box.width, patch.box.height), width * height, self._config)]
 
     @staticmethod

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from motion_detect_ros.core.detection.several_objects import LARGER, halves
+from motion_detect_ros.core.detection.several_objects import halves
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.types import BoolArray, ByteArray
 
@@ -23,6 +23,8 @@ GAP_SHARE = 0.4
 #: Of a patch that may hold several objects no more than about so many pixels are looked at; each object has this share
 #: of them, and so many, at least.
 MOST_PLACES, LEAST_SHARE, LEAST_PLACES = 600, 0.2, 8
+#: Share of each object's pixels that lie where the motion is the patch's; a piece of what passes it by has less there.
+OWN_SHARE = 0.8
 #: How far a pixel reaches around its centre.
 HALF_PIXEL = 0.5
 
@@ -94,23 +96,31 @@ def _close(a: Patch, b: Patch, near_area: float) -> bool:
     return common <= (MAX_SPREAD if common < near_area else NEAR_SPREAD) * sum(areas)
 
 
-def parted_patch(patch: Patch, foreground: BoolArray, usual_area: float | None) -> list[Patch]:
+def parted_patch(
+    patch: Patch, foreground: BoolArray, own: BoolArray, usual_area: float, near_area: float,
+) -> list[Patch]:
     """The patches of each object that a patch of the foreground, (h, w), holds: itself, or several.
 
-    usual_area: of ``UsualSize``.
+    own: (h, w) where the motion is that of the patch: a half that lies elsewhere is a piece of what moves another way;
+    usual_area: of ``UsualSize``; near_area: what is as large is one body.
     """
     box = patch.box
-    if usual_area is None or box.area < LARGER * usual_area:
+    if box.area >= near_area:
         return [patch]
-    rows, columns = np.nonzero(foreground[box.top:box.bottom, box.left:box.right])
+    inside = slice(box.top, box.bottom), slice(box.left, box.right)
+    rows, columns = np.nonzero(foreground[inside])
     sparse = slice(None, None, 1 + len(rows) // MOST_PLACES)
-    places = np.stack([columns[sparse], rows[sparse]], axis=1).astype(np.float32)
+    rows, columns = rows[sparse], columns[sparse]
+    places = np.stack([columns, rows], axis=1).astype(np.float32)
     first = halves(places, usual_area, max(LEAST_PLACES, int(LEAST_SHARE * len(places))), HALF_PIXEL)
     if first is None:
+        return [patch]
+    is_own = own[inside][rows, columns]
+    if min(is_own[first].mean(), is_own[~first].mean()) < OWN_SHARE:
         return [patch]
     found = list[Patch]()
     for half in (first, ~first):
         (left, top), (right, bottom) = places[half].min(axis=0).astype(int), places[half].max(axis=0).astype(int) + 1
         there = Box(box.left + int(left), box.top + int(top), box.left + int(right), box.top + int(bottom))
-        found += parted_patch(Patch(there, int(half.mean() * patch.pixels)), foreground, usual_area)
+        found += parted_patch(Patch(there, int(half.mean() * patch.pixels)), foreground, own, usual_area, near_area)
     return found

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from motion_detect_ros.core.clustering.art2 import LabelArray, similarity
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.kernels import kernel
-from motion_detect_ros.core.types import FloatArray
+from motion_detect_ros.core.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,16 @@ class Segment:
     columns: npt.NDArray[np.int64]
     neuron: int
     box: Box
+
+    def pixels(self, region: Box, grid: tuple[int, int], size: tuple[int, int]) -> BoolArray:
+        """(h, w) which pixels of a region of an image lie on its cells.
+
+        grid: rows and columns of cells of the image; size: its height and width.
+        """
+        cells = np.zeros(grid, np.bool_)
+        cells[self.rows, self.columns] = True
+        return cells[np.ix_(np.arange(region.top, region.bottom) * grid[0] // size[0],
+                            np.arange(region.left, region.right) * grid[1] // size[1])]
 
 
 def cluster_motions(labels: LabelArray, motion: FloatArray, clusters: int) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -127,13 +128,16 @@ class TestPatches:
     """The same of pixels: two neighbours, 20 pixels off the corner of the picture."""
 
     @staticmethod
-    def patches(*objects: Rectangle, usual_area: float | None = CAR_AREA) -> list[Box]:
+    def patches(*objects: Rectangle, own: slice = slice(None), near_area: float = math.inf) -> list[Box]:
+        """own: columns where the motion is that of the patch."""
         foreground = np.zeros((200, 200), np.bool_)
         for left, top, width, height in objects:
             foreground[top:top + height, left:left + width] = True
         whole = Patch(Box(20, 20, 20 + np.ptp(foreground.any(axis=0).nonzero()) + 1,
                           20 + np.ptp(foreground.any(axis=1).nonzero()) + 1), int(foreground.sum()))
-        found = parted_patch(whole, foreground, usual_area)
+        is_own = np.zeros_like(foreground)
+        is_own[:, own] = True
+        found = parted_patch(whole, foreground, is_own, CAR_AREA, near_area)
         assert sum(each.pixels for each in found) == pytest.approx(whole.pixels, abs=2)
         return sorted((each.box for each in found), key=lambda box: (box.left, box.top))
 
@@ -146,8 +150,14 @@ class TestPatches:
     def test_a_large_one_is_one(self) -> None:
         assert self.patches((20, 20, 120, 40)) == [Box(20, 20, 140, 60)]
 
-    def test_it_is_left_as_it_is_as_long_as_the_usual_size_is_not_known(self) -> None:
-        assert self.patches((20, 20, 40, 20), (44, 40, 40, 20), usual_area=None) == [Box(20, 20, 84, 60)]
+    def test_a_piece_of_what_moves_another_way_is_no_object(self) -> None:
+        """Of the second one's 40 columns 36 and 28 move as the patch does."""
+        assert len(self.patches((20, 20, 40, 20), (44, 40, 40, 20), own=slice(0, 80))) == 2
+        assert self.patches((20, 20, 40, 20), (44, 40, 40, 20), own=slice(0, 72)) == [Box(20, 20, 84, 60)]
+
+    def test_what_is_near_is_one_body(self) -> None:
+        assert len(self.patches((20, 20, 40, 20), (44, 40, 40, 20), near_area=64.0 * 40.0 + 1.0)) == 2
+        assert self.patches((20, 20, 40, 20), (44, 40, 40, 20), near_area=64.0 * 40.0) == [Box(20, 20, 84, 60)]
 
 
 class TestPictures:
