@@ -6,6 +6,7 @@ nearly all of them, and fills its box worse than its two halves fill theirs, is 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import cv2
@@ -20,6 +21,9 @@ USUAL_SHARE = 0.75
 #: What holds several objects is larger than the usual size by this factor of the area, and the boxes of its halves have
 #: at most this share of its own together.
 LARGER, HALVES_SHARE = 1.6, 0.9
+#: Halves whose places are further apart than this share of the usual size's side are the ends of one plain body:
+#: neighbours that are seen as one nearly touch.
+GAP_SHARE = 0.3
 #: Directions across the cuts that are tried: columns, rows and diagonals of the picture.
 ACROSS_CUTS = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]], np.float32)
 
@@ -46,21 +50,23 @@ class UsualSize:
         self.area = None if all_areas is None else float(np.quantile(all_areas, USUAL_SHARE))
 
 
-def halves(places: FloatArray, usual_area: float | None, least: int, reach_px: float) -> BoolArray | None:
+def halves(places: FloatArray, usual_area: float, least: int, reach_px: float) -> BoolArray | None:
     """(n,) which of the places of something belong to the first of the two objects that it is; None where it is one.
 
     It is cut along a column, a row or a diagonal of the picture, where the boxes of both halves are smallest; a long
-    one that lies across them fills a rectangle of another direction. places: (n, 2) pixels; usual_area: of
-    ``UsualSize``; least: fewest places of an object; reach_px: how far around a place the object is.
+    one that lies across them fills a rectangle of another direction, a plain one shows its ends. places: (n, 2) pixels;
+    usual_area: of ``UsualSize``; least: fewest places of an object; reach_px: how far around a place the object is.
     """
-    if usual_area is None or len(places) < 2 * least:
+    if len(places) < 2 * least:
         return None
     area = box_area(places.min(axis=0), places.max(axis=0), reach_px)
     if area < LARGER * usual_area:
         return None
     first, of_halves = _cut(places, least, reach_px)
+    if of_halves > HALVES_SHARE * area or _gap(places[first], places[~first]) > GAP_SHARE * math.sqrt(usual_area):
+        return None
     whole, *parts = (_turned_area(each, reach_px) for each in (places, places[first], places[~first]))
-    return None if of_halves > HALVES_SHARE * area or sum(parts) > whole else first
+    return None if sum(parts) > whole else first
 
 
 def box_area(low: FloatArray, high: FloatArray, reach_px: float) -> float:
@@ -82,6 +88,11 @@ def _cut(places: FloatArray, least: int, reach_px: float) -> tuple[BoolArray, fl
     first = np.zeros(len(places), np.bool_)
     first[half] = True
     return first, area
+
+
+def _gap(one: FloatArray, other: FloatArray) -> float:
+    """Width of the empty columns or rows between the boxes of places, (n, 2) each; negative where there are none."""
+    return float(np.maximum(other.min(axis=0) - one.max(axis=0), one.min(axis=0) - other.max(axis=0)).max())
 
 
 def _areas_up_to(places: FloatArray, reach_px: float) -> FloatArray:

@@ -33,11 +33,12 @@ def parted(
     the background over each baseline, NaN for points that are younger; usual_area: of ``seen_area``; least: fewest
     points of an object.
     """
-    first = halves(places[members], usual_area, least, SEEN_PX)
-    if first is None or _grows(displacements, members[first], members[~first]):
+    if usual_area is None or (first := halves(places[members], usual_area, least, SEEN_PX)) is None:
         return [members]
-    return [part for half in (members[first], members[~first])
-            for part in parted(half, places, displacements, usual_area, least)]
+    one, other = members[first], members[~first]
+    if _grows(displacements, one, other):
+        return [members]
+    return [part for half in (one, other) for part in parted(half, places, displacements, usual_area, least)]
 
 
 def seen_area(low: FloatArray, high: FloatArray) -> float:
