@@ -21,6 +21,9 @@ WIDTH_PX, BACKGROUND_PX = 160, 31
 #: which its mean error and this, grey levels, are less than half as large. What was expected is right where it has at
 #: least this share of the cells that what was measured has.
 COMPARED_WIDTH_PX, CELL_PX, CELL_NOISE_GRAY, RIVAL_SHARE = 320, 8, 2.0, 0.2
+#: Another motion that tracks agree on is the background's where this share of the cells goes with it, and so many times
+#: as many as with the first one.
+GOOD_PART, MORE = 0.1, 1.2
 
 
 def agrees(previous: PreparedFrame, frame: PreparedFrame, matrix: DoubleArray, residual_px: float) -> bool:
@@ -46,17 +49,33 @@ def agrees_rather(
     A camera that is jerked takes all of the picture along; what covers the ground for a moment, only its own part.
     measured, expected: (3, 3) warps, full resolution.
     """
+    of_measured, of_expected, _ = _cells_of(previous, frame, measured, expected)
+    return of_expected < RIVAL_SHARE * of_measured
+
+
+def shows_rather(previous: PreparedFrame, frame: PreparedFrame, rival: DoubleArray, measured: DoubleArray) -> bool:
+    """Whether a good part of the picture goes with ``rival``, and clearly less with ``measured``: (3, 3) warps, full
+    resolution.
+    """
+    of_rival, of_measured, cells = _cells_of(previous, frame, rival, measured)
+    return of_rival > max(GOOD_PART * cells, MORE * of_measured)
+
+
+def _cells_of(
+    previous: PreparedFrame, frame: PreparedFrame, one: DoubleArray, other: DoubleArray,
+) -> tuple[int, int, int]:
+    """How many cells go with each of two motions, and not with the other one; and how many there are."""
     (before, _), (now, scale) = (shrunk(each.gray, COMPARED_WIDTH_PX) for each in (previous, frame))
     cells = (max(1, now.shape[1] // CELL_PX), max(1, now.shape[0] // CELL_PX))
-    as_measured, as_expected = (
+    of_one, of_other = (
         cv2.resize(cv2.absdiff(stabilise(before, at_scale(matrix, scale * frame.scale)), now), cells,
                    interpolation=cv2.INTER_AREA).astype(np.float32) + CELL_NOISE_GRAY
-        for matrix in (measured, expected))
-    rivals, winners = 2.0 * as_expected < as_measured, 2.0 * as_measured < as_expected
+        for matrix in (one, other))
+    first, second = 2.0 * of_one < of_other, 2.0 * of_other < of_one
     if frame.mask is not None:
         scene = cv2.resize(frame.mask.astype(np.uint8), cells, interpolation=cv2.INTER_NEAREST) > 0
-        rivals, winners = rivals & scene, winners & scene
-    return bool(np.count_nonzero(rivals) < RIVAL_SHARE * np.count_nonzero(winners))
+        first, second = first & scene, second & scene
+    return int(np.count_nonzero(first)), int(np.count_nonzero(second)), first.size
 
 
 def _correlation(first: ByteArray, second: ByteArray, scene: FloatArray | None) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,6 +49,11 @@ class ExpectedMotion:
             return None
         far = frame.stamp_ns - previous.stamp_ns > LONGEST_S * NANOSECONDS
         return None if far else self._foretold(previous, frame)
+
+    @property
+    def starts(self) -> bool:
+        """Whether no two motions in a row have been seen yet."""
+        return self._last is None or math.isinf(self._last.off_px)
 
     def confirmed_by(self, tracks: Tracks) -> bool:
         """Whether points were found from where they were to be by the motion ``between`` returned."""

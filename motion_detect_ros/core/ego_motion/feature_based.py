@@ -13,6 +13,7 @@ from motion_detect_ros.core.ego_motion.expected_motion import ExpectedMotion
 from motion_detect_ros.core.ego_motion.features import BLOCK_PX, AllowedPlaces, check_features, find_features
 from motion_detect_ros.core.ego_motion.measurement import MIN_TRACKS, EgoMotionMeasurement, centre_of, is_plausible
 from motion_detect_ros.core.ego_motion.point_tracking import Tracks, track_close, track_points
+from motion_detect_ros.core.ego_motion.rival_motions import RivalMotions
 from motion_detect_ros.core.ego_motion.robust_fit import MotionFit, fit_motion
 from motion_detect_ros.core.geometry.motion_models import model_family, theta_matrix
 from motion_detect_ros.core.geometry.warp import apply, at_full_resolution, at_scale, stabilise
@@ -47,6 +48,7 @@ class IndirectMethod:
         self._places = AllowedPlaces()
         self._ahead = Deferred[_Features]('features')
         self._expected = ExpectedMotion()
+        self._rivals = RivalMotions()
 
     def measure(
         self, previous: PreparedFrame, frame: PreparedFrame, prior: DoubleArray | None = None,
@@ -73,7 +75,7 @@ class IndirectMethod:
         tracks = self._as_expected(previous, frame, points) if prior is None else None
         if tracks is None:
             at_work = None if prior is None else at_scale(prior, frame.scale)
-            tracks = track_points(previous.gray, frame.gray, points, self._config, at_work)
+            tracks = track_points(previous.gray, frame.gray, points, self._config, at_work, self._expected.starts)
         moved, good, _ = tracks
         earlier, later = at_full_resolution(points[good], frame.scale), at_full_resolution(moved[good], frame.scale)
         if len(earlier) < MIN_TRACKS:
@@ -81,6 +83,8 @@ class IndirectMethod:
         fit = self._fit(earlier, later, frame)
         if fit is None:
             return EgoMotionMeasurement(None, EgoStatus.DEGENERATE, len(earlier), earlier, later)
+        fit = self._rivals.background(
+            fit, self._family, earlier, later, self._config.ransac_threshold_px, previous, frame)
         matrix = theta_matrix(fit.theta, centre_of(frame))
         if np.abs(matrix[:2, :2] - np.eye(2)).max() > DEFORMED:
             fit = self._refined(matrix, points, previous, frame) or fit

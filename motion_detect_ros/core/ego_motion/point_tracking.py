@@ -33,22 +33,22 @@ class Tracks(NamedTuple):
 
 def track_points(
     previous: ByteArray, current: ByteArray, points: FloatArray, config: EgoMotionConfig,
-    prior: DoubleArray | None = None,
+    prior: DoubleArray | None = None, retry_all: bool = False,
 ) -> Tracks:
     """Where ``points`` are in ``current``.
 
     previous, current: (h, w) uint8 of the same size; points: (N, 2) float32 pixels of these images; prior: (3, 3)
     initial guess, previous pixel -> current pixel, None = identity. Seed points give the common motion, from which
     the others are tracked without a pyramid. Points that fail, on moving objects or at another depth, are tracked
-    over the whole pyramid where they are over ``RETRIED_SHARE`` of all.
+    over the whole pyramid where they are over ``RETRIED_SHARE`` of all, with ``retry_all`` however few they are.
     Source: Bouguet 2001; forward-backward check: Kalal et al. 2010.
     """
     common = _common_motion(previous, current, points, config, prior)
     if common is None:
         return _both_ways(previous, current, points, config, prior, config.pyramid_levels)
     tracks = track_close(previous, current, points, config, common)
-    if not most_good(tracks):
-        failed = np.flatnonzero(~tracks.good)
+    failed = np.flatnonzero(~tracks.good)
+    if len(failed) and (retry_all or not most_good(tracks)):
         again = _both_ways(previous, current, points[failed], config, prior, config.pyramid_levels)
         for each, new in zip(tracks, again, strict=True):
             each[failed] = new

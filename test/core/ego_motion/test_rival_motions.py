@@ -1,0 +1,59 @@
+"""A road full of vehicles with more texture than the ground: the ground is what most of the picture shows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from warps import HEIGHT, PERIOD_NS, about_centre, corner_error, view, world
+
+from motion_detect_ros.core.config import PipelineConfig
+from motion_detect_ros.core.ego_motion import rival_motions
+from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
+from motion_detect_ros.core.preprocessing.stage import Preprocessor
+from motion_detect_ros.core.types import EgoMotion
+from motion_detect_ros.sources.synthetic import FlightConfig, ObjectSpec, SyntheticFlight
+
+PICTURES = 6
+
+
+def traffic(speed_m_s: float) -> list[np.ndarray]:
+    """A camera that hovers 45 m over nine lanes in turn directions; every fourth vehicle is a lorry."""
+    vehicles, lengths_m, gap_m = list[ObjectSpec](), (4.4, 4.4, 12.0, 4.4), 3.0
+    for lane in range(-4, 5):
+        front_m = -32.0 + 1.5 * (lane + 4)
+        for number in range(10):
+            length_m = lengths_m[(number + lane) % 4]
+            vehicles.append(ObjectSpec('box', front_m + length_m / 2.0, 4.0 * lane, 0.0 if lane % 2 else 180.0, speed_m_s,
+                                       length_m, 2.5 if length_m > 5.0 else 1.8, 1.5))
+            front_m += length_m + gap_m
+    flight = replace(FlightConfig.approach(0.0, frames=PICTURES), width=960, height=540, altitude_m=45.0,
+                     objects=tuple(vehicles))
+    return [frame.image for frame in SyntheticFlight(flight)]
+
+
+def motions(pictures: list[np.ndarray]) -> list[EgoMotion]:
+    config = PipelineConfig()
+    stage, prepare = EgoMotionStage(config), Preprocessor(config.preprocessing)
+    return [stage.process(prepare.process(each, (index + 1) * PERIOD_NS)) for index, each in enumerate(pictures)]
+
+
+@pytest.mark.parametrize('speed_m_s', [4.0, 8.0])
+def test_the_ground_is_what_most_of_the_picture_shows(speed_m_s: float) -> None:
+    """Vehicles go by 3 and 7 pixels a frame."""
+    assert [corner_error(ego.matrix, np.eye(3)) for ego in motions(traffic(speed_m_s))[1:]] == [
+        pytest.approx(0.0, abs=0.5)] * (PICTURES - 1)
+
+
+def test_where_there_was_no_rival_none_is_looked_for_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three strips of like texture and size that go their own ways, for 0.8 s."""
+    looked, rivals = list[int](), rival_motions._rivals
+    monkeypatch.setattr(rival_motions, '_rivals', lambda *each: (looked.append(1), rivals(*each))[1])
+    scenes, strips = [world(seed) for seed in (3, 4, 5)], np.linspace(0, HEIGHT, 4).astype(int)
+    pictures = []
+    for index in range(20):
+        views = [view(scene, about_centre(0.0, 1.0, way * index, 0.0)) for scene, way in zip(scenes, (-4, 6, 1))]
+        pictures.append(np.vstack([each[low:high] for each, low, high in zip(views, strips, strips[1:])]))
+    assert all(ego.ok for ego in motions(pictures)[1:])
+    assert len(looked) == 2
