@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ def traffic(speed_m_s: float) -> list[np.ndarray]:
         front_m = -32.0 + 1.5 * (lane + 4)
         for number in range(10):
             length_m = lengths_m[(number + lane) % 4]
-            vehicles.append(ObjectSpec('box', front_m + length_m / 2.0, 4.0 * lane, 0.0 if lane % 2 else 180.0, speed_m_s,
+            vehicles.append(ObjectSpec('box', front_m + length_m / 2.0, 4.0 * lane, 180.0 * (lane % 2), speed_m_s,
                                        length_m, 2.5 if length_m > 5.0 else 1.8, 1.5))
             front_m += length_m + gap_m
     flight = replace(FlightConfig.approach(0.0, frames=PICTURES), width=960, height=540, altitude_m=45.0,
@@ -50,10 +51,10 @@ def test_where_there_was_no_rival_none_is_looked_for_at_once(monkeypatch: pytest
     """Three strips of like texture and size that go their own ways, for 0.8 s."""
     looked, rivals = list[int](), rival_motions._rivals
     monkeypatch.setattr(rival_motions, '_rivals', lambda *each: (looked.append(1), rivals(*each))[1])
-    scenes, strips = [world(seed) for seed in (3, 4, 5)], np.linspace(0, HEIGHT, 4).astype(int)
+    ways, strips = [(world(3), -4), (world(4), 6), (world(5), 1)], np.linspace(0, HEIGHT, 4).astype(int)
     pictures = []
     for index in range(20):
-        views = [view(scene, about_centre(0.0, 1.0, way * index, 0.0)) for scene, way in zip(scenes, (-4, 6, 1))]
-        pictures.append(np.vstack([each[low:high] for each, low, high in zip(views, strips, strips[1:])]))
+        views = [view(scene, about_centre(0.0, 1.0, way * index, 0.0)) for scene, way in ways]
+        pictures.append(np.vstack([each[low:high] for each, (low, high) in zip(views, pairwise(strips), strict=True)]))
     assert all(ego.ok for ego in motions(pictures)[1:])
     assert len(looked) == 2
