@@ -52,7 +52,7 @@ class ExpectedMotion:
 
     @property
     def starts(self) -> bool:
-        """Whether no two motions in a row have been seen yet."""
+        """Whether there is no last motion, or it had none right before it."""
         return self._last is None or math.isinf(self._last.off_px)
 
     def confirmed_by(self, tracks: Tracks) -> bool:

@@ -80,11 +80,9 @@ class IndirectMethod:
         earlier, later = at_full_resolution(points[good], frame.scale), at_full_resolution(moved[good], frame.scale)
         if len(earlier) < MIN_TRACKS:
             return EgoMotionMeasurement(None, EgoStatus.LOW_TEXTURE, len(earlier))
-        fit = self._fit(earlier, later, frame)
+        fit = self._fit(earlier, later, previous, frame)
         if fit is None:
             return EgoMotionMeasurement(None, EgoStatus.DEGENERATE, len(earlier), earlier, later)
-        fit = self._rivals.background(
-            fit, self._family, earlier, later, self._config.ransac_threshold_px, previous, frame)
         matrix = theta_matrix(fit.theta, centre_of(frame))
         if np.abs(matrix[:2, :2] - np.eye(2)).max() > DEFORMED:
             fit = self._refined(matrix, points, previous, frame) or fit
@@ -109,10 +107,15 @@ class IndirectMethod:
         return _Features(frame, find_features(
             config.features, frame.gray, config.max_corners, config.corner_quality, frame.mask, self._places))
 
-    def _fit(self, points: FloatArray, moved: FloatArray, frame: PreparedFrame) -> MotionFit | None:
-        centre = centre_of(frame)
-        fit = fit_motion(self._family, points, moved, self._config.ransac_threshold_px, centre)
-        return fit if is_plausible(fit, centre) else None
+    def _fit(
+        self, points: FloatArray, moved: FloatArray, previous: PreparedFrame, frame: PreparedFrame,
+    ) -> MotionFit | None:
+        """points, moved: (N, 2) full-resolution pixels of the two frames."""
+        centre, threshold_px = centre_of(frame), self._config.ransac_threshold_px
+        fit = fit_motion(self._family, points, moved, threshold_px, centre)
+        if fit is None or not is_plausible(fit, centre):
+            return None
+        return self._rivals.background(fit, self._family, points, moved, threshold_px, previous, frame)
 
     def _refined(
         self, matrix: DoubleArray, points: FloatArray, previous: PreparedFrame, frame: PreparedFrame,
@@ -128,4 +131,5 @@ class IndirectMethod:
         if good.sum() < MIN_TRACKS:
             return None
         return self._fit(
-            at_full_resolution(points[seen][good], frame.scale), at_full_resolution(moved[good], frame.scale), frame)
+            at_full_resolution(points[seen][good], frame.scale), at_full_resolution(moved[good], frame.scale),
+            previous, frame)

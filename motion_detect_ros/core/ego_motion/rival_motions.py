@@ -20,7 +20,7 @@ from motion_detect_ros.core.types import NANOSECONDS, DoubleArray, FloatArray, P
 
 #: A motion that this share of the tracks goes with has no rival; a rival has this share at least, so many are tried.
 UNDISPUTED_SHARE, RIVAL_SHARE, MOST_RIVALS = 0.6, 0.05, 4
-#: Where there was none it looks again after so long, seconds.
+#: Where there was none, nor has been for so long, it looks again after as long, seconds.
 AGAIN_S = 0.5
 #: Tracks whose ways differ by less than about this many times the threshold are one group.
 GROUP = 1.5
@@ -33,6 +33,7 @@ class RivalMotions:
     """
 
     def __init__(self) -> None:
+        self._won_ns: int | None = None
         self._in_vain_ns: int | None = None
 
     def background(
@@ -45,17 +46,21 @@ class RivalMotions:
         """
         centre, best = centre_of(frame), fit
         away = np.hypot(*_off(theta_matrix(fit.theta, centre), earlier, later).T)
-        if (away <= threshold_px).mean() >= UNDISPUTED_SHARE or self._looked_in_vain(frame):
+        idle = _short_before(self._in_vain_ns, frame) and not _short_before(self._won_ns, frame)
+        if idle or (away <= threshold_px).mean() >= UNDISPUTED_SHARE:
             return fit
         for rival in _rivals(family, earlier, later, threshold_px, centre):
             if shows_rather(previous, frame, theta_matrix(rival.theta, centre), theta_matrix(best.theta, centre)):
                 best = rival
-        self._in_vain_ns = frame.stamp_ns if best is fit else None
+        if best is fit:
+            self._in_vain_ns = frame.stamp_ns
+        else:
+            self._won_ns = frame.stamp_ns
         return best
 
-    def _looked_in_vain(self, frame: PreparedFrame) -> bool:
-        """A short time ago."""
-        return self._in_vain_ns is not None and abs(frame.stamp_ns - self._in_vain_ns) < AGAIN_S * NANOSECONDS
+
+def _short_before(stamp_ns: int | None, frame: PreparedFrame) -> bool:
+    return stamp_ns is not None and abs(frame.stamp_ns - stamp_ns) < AGAIN_S * NANOSECONDS
 
 
 def _rivals(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import pairwise
 
+import cv2
 import numpy as np
 import pytest
 from warps import HEIGHT, PERIOD_NS, about_centre, corner_error, view, world
@@ -44,6 +45,20 @@ def motions(pictures: list[np.ndarray]) -> list[EgoMotion]:
 def test_the_ground_is_what_most_of_the_picture_shows(speed_m_s: float) -> None:
     """Vehicles go by 3 and 7 pixels a frame."""
     assert [corner_error(ego.matrix, np.eye(3)) for ego in motions(traffic(speed_m_s))[1:]] == [
+        pytest.approx(0.0, abs=0.5)] * (PICTURES - 1)
+
+
+@pytest.mark.parametrize('degrees', [2.0, 4.0])
+def test_so_it_is_while_the_camera_turns(degrees: float) -> None:
+    """Turns of over 5 % are tracked a second time, in the middle of the picture, 400 x 600 pixels, and fitted anew."""
+    pictures = []
+    for index, picture in enumerate(traffic(8.0)):
+        (height, width), turn = picture.shape[:2], degrees * (index - 2.5)
+        about = cv2.getRotationMatrix2D((width / 2.0, height / 2.0), turn, 1.0)
+        whole = cv2.warpAffine(picture, about, (width, height), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
+        pictures.append(whole[70:470, 180:780])
+    true = np.vstack([cv2.getRotationMatrix2D((300.0, 200.0), degrees, 1.0), [0.0, 0.0, 1.0]])
+    assert [corner_error(ego.matrix, true) for ego in motions(pictures)[1:]] == [
         pytest.approx(0.0, abs=0.5)] * (PICTURES - 1)
 
 
