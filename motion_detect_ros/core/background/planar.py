@@ -15,7 +15,7 @@ import numpy as np
 from motion_detect_ros.core.background.filling import filled_from_around
 from motion_detect_ros.core.config import BackgroundConfig
 from motion_detect_ros.core.geometry.order_statistics import column_medians, select
-from motion_detect_ros.core.geometry.robust import RAYLEIGH_MEDIAN, reweighted, tukey_weights_of_squares
+from motion_detect_ros.core.geometry.robust import reweighted, tukey_weights_of_squares
 from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray
 
 #: Maximum number of cells used for the fit; more do not change it.
@@ -24,6 +24,8 @@ MAX_SAMPLES = 4000
 ITERATIONS = 6
 #: Least deviation that the weights assume, pixels.
 MIN_SIGMA_PX = 1e-3
+#: The ego-motion alone is the background where it brings this share of the cells so many times as close as the fit.
+NEAR_SHARE, CLOSER = 0.15, 1.15
 #: Share of its trace added to the normal matrix: points on one line do not determine a surface.
 RIDGE = 1e-10
 #: Least number of valid cells.
@@ -121,7 +123,10 @@ def _irls(design: DoubleArray, target: DoubleArray) -> tuple[DoubleArray, float]
     start: DoubleArray = np.zeros((6, 2))
     start[0] = column_medians(target.T)
     solution = reweighted(start, squared_errors, weights, solve, ITERATIONS)
-    return solution, _sigma(squared_errors(solution))
+    squared, alone = squared_errors(solution), squared_errors(np.zeros((6, 2)))
+    if CLOSER * CLOSER * _quantile(alone, NEAR_SHARE) < _quantile(squared, NEAR_SHARE):
+        return np.zeros((6, 2)), _sigma(alone, NEAR_SHARE)
+    return solution, _sigma(squared)
 
 
 def _squared_error(design: DoubleArray, target: DoubleArray, solution: DoubleArray) -> DoubleArray:
@@ -131,5 +136,10 @@ def _squared_error(design: DoubleArray, target: DoubleArray, solution: DoubleArr
     return squared
 
 
-def _sigma(squared: DoubleArray) -> float:
-    return math.sqrt(select(squared.copy(), squared.size // 2)) / RAYLEIGH_MEDIAN
+def _quantile(values: DoubleArray, share: float) -> float:
+    return select(values.copy(), int(share * values.size))
+
+
+def _sigma(squared: DoubleArray, share: float = 0.5) -> float:
+    """Deviation of one component that this quantile of squared two-component errors tells (Rayleigh's distribution)."""
+    return math.sqrt(_quantile(squared, share) / (-2.0 * math.log1p(-share)))

@@ -27,10 +27,15 @@ NO_LIMIT = np.zeros(3)
 
 @dataclass(frozen=True)
 class StaticScene:
-    """``background``: as for a planar scene; ``motion`` of the camera."""
+    """``background``: as for a planar scene; ``motion`` of the camera.
+
+    ``against``: (gh, gw), cells that lie on the wrong side of their lines: behind what is infinitely far, or below the
+    ground.
+    """
 
     background: Background
     motion: PoseEstimate
+    against: BoolArray
 
 
 def fit_static_scene(
@@ -53,13 +58,13 @@ def fit_static_scene(
         return None
     position, ground = _along_lines(earlier, now, known, motion, camera.fx)
     limit = NO_LIMIT if ground is None else ground.limit
-    still, own = np.empty(flow.shape, np.float32), np.empty(known.size)
+    still, own, against = np.empty(flow.shape, np.float32), np.empty(known.size), np.empty(known.shape, np.bool_)
     count = _closest_static(
         earlier.reshape(-1, 2), now.reshape(-1, 2), position, limit, motion.rotation, motion.direction,
-        camera.fx, camera.fy, np.ascontiguousarray(residual).reshape(-1, 2), still.reshape(-1, 2), own)
+        camera.fx, camera.fy, np.ascontiguousarray(residual).reshape(-1, 2), still.reshape(-1, 2), own, against.ravel())
     spread_px = float(median(own[:count])) / RAYLEIGH_MEDIAN
     sigma_px = (max(config.noise_floor_px, spread_px) + config.depth_noise_share * magnitude).astype(np.float32)
-    return StaticScene(Background(still, sigma_px, smooth=False, spread_px=spread_px), motion)
+    return StaticScene(Background(still, sigma_px, smooth=False, spread_px=spread_px), motion, against)
 
 
 def warm_up() -> None:
@@ -106,12 +111,13 @@ def _positions(earlier, now, rotation, direction, focal_px, position, inverse_de
 
 @kernel(error_model='numpy')
 def _closest_static(  # type: ignore[no-untyped-def]
-    earlier, now, position, limit, rotation, direction, focal_x, focal_y, residual, still, own,
+    earlier, now, position, limit, rotation, direction, focal_x, focal_y, residual, still, own, against,
 ):
     """``still``: (N, 2) ``residual`` of the static point that is closest to ``now``, pixels.
 
     position: (N,) of ``now`` on its line; limit: (3,) inverse depth that no static point falls below, ``GroundPlane``.
-    own: (N,) gets the distances between both where ``residual`` is known, pixels. Returns how many these are.
+    own: (N,) gets the distances between both where ``residual`` is known, pixels. against: (N,) gets where the way
+    between both is rather along the line, backwards, than across. Returns how many are known.
     """
     x, y, z = direction[0], direction[1], direction[2]
     count = 0
@@ -119,8 +125,10 @@ def _closest_static(  # type: ignore[no-untyped-def]
         fx, fy, depth = infinitely_far(earlier[n, 0], earlier[n, 1], rotation)
         inverse = max(limit[0] * earlier[n, 0] + limit[1] * earlier[n, 1] + limit[2], 0.0)
         s = max(position[n], inverse / max(depth + inverse * z, 1e-6))
-        across = (now[n, 0] - fx - s * (x - z * fx)) * focal_x
-        down = (now[n, 1] - fy - s * (y - z * fy)) * focal_y
+        vx, vy = (x - z * fx) * focal_x, (y - z * fy) * focal_y
+        across, down = (now[n, 0] - fx) * focal_x - s * vx, (now[n, 1] - fy) * focal_y - s * vy
+        back = -(across * vx + down * vy)
+        against[n] = back > 0.0 and 2.0 * back * back > (across * across + down * down) * (vx * vx + vy * vy)
         still[n, 0], still[n, 1] = residual[n, 0] - across, residual[n, 1] - down
         own[count] = (across * across + down * down) ** 0.5
         count += np.isfinite(residual[n, 0])

@@ -41,6 +41,17 @@ def test_noise_holes_and_a_tenth_that_moves_otherwise():
     assert 0.5 < np.median(background.sigma_px) < 0.65  # the median of all cells, movers included
 
 
+def test_what_a_third_of_the_cells_agrees_on_is_not_lost_among_movers():
+    """Lanes in both directions: 0.36 stand still, 0.4 drive one way and 0.24 the other, at speeds of their own."""
+    random = np.random.default_rng(1)
+    flow = random.normal(0.0, 0.1, (100, 160, 2))
+    flow[:40, :, 0] += random.uniform(1.0, 5.0, (40, 160))
+    flow[40:64, :, 0] -= random.uniform(1.0, 5.0, (24, 160))
+    background = fitted(flow[random.permutation(100)])
+    assert np.abs(background.flow).max() < 0.2
+    assert background.sigma_px.max() < 0.4
+
+
 def test_cells_on_one_line_leave_no_wild_numbers_where_they_are():
     truth = surface(90, 160)
     flow = np.full_like(truth, np.nan)

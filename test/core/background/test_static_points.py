@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 
@@ -105,12 +106,17 @@ def test_closest_static_points_are_those_of_the_epipolar_lines(ground: GroundPla
     inverse = np.maximum(lines.inverse_depth(s), np.maximum(0.0, rays @ limit))
     seen = rays @ pose.rotation.T + inverse[:, None] * pose.direction
     off = (now - seen[:, :2] / seen[:, 2:]) * [500.0, 400.0]
-    still, own = np.empty_like(field), np.empty(len(now))
+    still, own, against = np.empty_like(field), np.empty(len(now)), np.empty(len(now), np.bool_)
     count = static_points._closest_static(
-        earlier, now, position, limit, pose.rotation, pose.direction, 500.0, 400.0, residual, still, own)
+        earlier, now, position, limit, pose.rotation, pose.direction, 500.0, 400.0, residual, still, own, against)
     np.testing.assert_allclose(still, residual - off, rtol=1e-5, atol=1e-4)
     known = np.isfinite(residual[:, 0])
     np.testing.assert_allclose(own[:count], np.linalg.norm(off, axis=1)[known], rtol=1e-9, atol=1e-9)
+    ahead = lines.towards * [500.0, 400.0]
+    cosine = (off * ahead).sum(axis=1) / np.maximum(np.linalg.norm(off, axis=1) * np.linalg.norm(ahead, axis=1), 1e-12)
+    away = np.linalg.norm(off, axis=1) > 1e-6
+    assert np.array_equal(against[away], (cosine < -math.sqrt(0.5))[away])
+    assert 0.01 < against.mean() < 0.99
 
 
 def test_noise_is_the_spread_around_static_points_and_a_share_of_the_flow():
@@ -216,6 +222,31 @@ class TestChoice:
             field[box_cells(50, 20, 100, 75)] += np.array([1.0, 0.1], np.float32) * random.uniform(2.0, 8.0)
             model.fit(field, field, CAMERA, PERIOD_S)
         assert not model.three_dimensional
+
+    def test_traffic_in_both_directions_is_no_relief(self):
+        """A hovering camera over seven lanes, three quarters full; what drives one way could be near and still."""
+        model, random = BackgroundSelector(CONFIG), np.random.default_rng(2)
+        rows, columns = BOX.shape
+        lane, place = np.arange(rows)[:, None] * 7 // rows, np.arange(columns) // 10
+        speeds = random.uniform(2.0, 6.0, (7, columns // 10 + 1))[lane, place] * np.where(lane % 2, 1.0, -1.0)
+        drives = random.random((7, columns // 10 + 1))[lane, place] < 0.75
+        for _ in range(6):
+            field = random.normal(0.0, 0.1, (rows, columns, 2)).astype(np.float32)
+            field[..., 0] += np.where(drives, speeds, 0.0)
+            background = model.fit(field, field, CAMERA, PERIOD_S)
+        assert not model.three_dimensional
+        sigmas = _sigmas(field, background)
+        assert (sigmas[drives] > 4.0).mean() > 0.95 and (sigmas[~drives] < 3.0).mean() > 0.95
+
+    def test_street_with_traffic_in_both_directions_is_in_space(self):
+        """Two vehicles that drive ahead, faster than the camera, before a street that comes closer."""
+        model = BackgroundSelector(CONFIG)
+        for _ in range(6):
+            field = _street(OWN['drives ahead'])
+            ahead = box_cells(20, 44, 40, 60)
+            field[ahead] *= -0.5
+            model.fit(field, field, CAMERA, PERIOD_S)
+        assert model.three_dimensional
 
     @pytest.mark.parametrize('name', ['planar', 'epipolar'])
     def test_choice_can_be_fixed(self, name: str):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import cv2
 import numpy as np
 import pytest
+from traffic import traffic
 from warps import HEIGHT, PERIOD_NS, about_centre, corner_error, view, world
 
 from motion_detect_ros.core.config import PipelineConfig
@@ -15,24 +15,12 @@ from motion_detect_ros.core.ego_motion import rival_motions
 from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.types import EgoMotion
-from motion_detect_ros.sources.synthetic import FlightConfig, ObjectSpec, SyntheticFlight
 
 PICTURES = 6
 
 
-def traffic(speed_m_s: float) -> list[np.ndarray]:
-    """A camera that hovers 45 m over nine lanes in turn directions; every fourth vehicle is a lorry."""
-    vehicles, lengths_m, gap_m = list[ObjectSpec](), (4.4, 4.4, 12.0, 4.4), 3.0
-    for lane in range(-4, 5):
-        front_m = -32.0 + 1.5 * (lane + 4)
-        for number in range(10):
-            length_m = lengths_m[(number + lane) % 4]
-            vehicles.append(ObjectSpec('box', front_m + length_m / 2.0, 4.0 * lane, 180.0 * (lane % 2), speed_m_s,
-                                       length_m, 2.5 if length_m > 5.0 else 1.8, 1.5))
-            front_m += length_m + gap_m
-    flight = replace(FlightConfig.approach(0.0, frames=PICTURES), width=960, height=540, altitude_m=45.0,
-                     objects=tuple(vehicles))
-    return [frame.image for frame in SyntheticFlight(flight)]
+def seen(speed_m_s: float) -> list[np.ndarray]:
+    return [frame.image for frame in traffic(speed_m_s, PICTURES)]
 
 
 def motions(pictures: list[np.ndarray]) -> list[EgoMotion]:
@@ -44,7 +32,7 @@ def motions(pictures: list[np.ndarray]) -> list[EgoMotion]:
 @pytest.mark.parametrize('speed_m_s', [4.0, 8.0])
 def test_the_ground_is_what_most_of_the_picture_shows(speed_m_s: float) -> None:
     """Vehicles go by 3 and 7 pixels a frame."""
-    assert [corner_error(ego.matrix, np.eye(3)) for ego in motions(traffic(speed_m_s))[1:]] == [
+    assert [corner_error(ego.matrix, np.eye(3)) for ego in motions(seen(speed_m_s))[1:]] == [
         pytest.approx(0.0, abs=0.5)] * (PICTURES - 1)
 
 
@@ -56,7 +44,7 @@ def test_so_it_is_while_the_camera_turns(degrees: float, speed_m_s: float) -> No
     Seen in the middle of the pictures, 400 x 600 pixels.
     """
     pictures = []
-    for index, picture in enumerate(traffic(speed_m_s)):
+    for index, picture in enumerate(seen(speed_m_s)):
         (height, width), turn = picture.shape[:2], degrees * (index - 2.5)
         about = cv2.getRotationMatrix2D((width / 2.0, height / 2.0), turn, 1.0)
         whole = cv2.warpAffine(picture, about, (width, height), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
