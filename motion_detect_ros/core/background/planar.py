@@ -70,10 +70,11 @@ def motion_vectors(residual: FloatArray, background: Background) -> FloatArray:
 
 
 def fit_background(residual: FloatArray, config: BackgroundConfig, magnitude: FloatArray) -> Background:
-    """Robust quadratic fit of the residual flow.
+    """Robust quadratic fit of the residual flow; zero flow where more cells are close to the ego-motion alone.
 
     residual: (gh, gw, 2) pixels, NaN = invalid; magnitude: (gh, gw) length of the total flow, pixels.
-    The noise is the measured spread of the fit, at least ``noise_floor_px``, plus a share of the total flow.
+    The noise is the measured spread of the fit, at least ``noise_floor_px``, plus a share of the total flow. Lanes of
+    traffic are over half of the cells: a fit to their mixture is nothing's motion, and its spread hides them.
     """
     rows, columns = residual.shape[:2]
     valid = np.flatnonzero(np.isfinite(residual[..., 0]))
@@ -105,6 +106,8 @@ def _surface(solution: DoubleArray, x: DoubleArray, y: DoubleArray) -> FloatArra
 
 def _irls(design: DoubleArray, target: DoubleArray) -> tuple[DoubleArray, float]:
     """Tukey-weighted least squares from the median; returns (6, 2) coefficients and sigma of one component.
+
+    Zeros where these are the better of the two by a low quantile of the errors (Rousseeuw 1984).
 
     design: (6, N), coordinates within -1 .. 1, so that the normal equations are safe; target: (2, N).
     """
