@@ -12,13 +12,13 @@ import numpy as np
 
 from motion_detect_ros.core.background.noise_floor import NoiseFloor
 from motion_detect_ros.core.background.planar import Background, fit_background
-from motion_detect_ros.core.background.static_points import StaticScene, fit_static_scene
+from motion_detect_ros.core.background.static_points import fit_static_scene
 from motion_detect_ros.core.config import BackgroundConfig
 from motion_detect_ros.core.forgetting import kept
 from motion_detect_ros.core.geometry.epipolar import PoseEstimate
 from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.self_tuning import SelfTuningConfig
-from motion_detect_ros.core.types import CameraModel, FloatArray
+from motion_detect_ros.core.types import BoolArray, CameraModel, FloatArray
 
 #: Dimensions of a correspondence, and of those the free ones on a surface and in space.
 DATA_DIMENSION, SURFACE_DIMENSION, SPACE_DIMENSION = 4, 2, 3
@@ -84,7 +84,8 @@ class BackgroundSelector:
         if config.model == 'planar':
             return planar
         sigma = NOISE_PX + NOISE_SHARE * length
-        cost, perfect = _cost(residual, planar, sigma, SURFACE_DIMENSION), SPACE_DIMENSION * PER_DIMENSION
+        off_surface = _squared(residual, planar, sigma)
+        cost, perfect = _cost(off_surface, SURFACE_DIMENSION), SPACE_DIMENSION * PER_DIMENSION
         if config.model == 'auto' and cost <= perfect and not self.three_dimensional:
             self._decide(cost - perfect, dt_s)  # even a perfect fit in space has the higher criterion
             return planar
@@ -93,8 +94,9 @@ class BackgroundSelector:
             return planar
         self._motion = scene.motion
         if config.model == 'auto':
-            gain = cost - _cost(residual, scene.background, sigma, SPACE_DIMENSION)
-            self._decide(-abs(gain) if _to_and_fro(residual, planar, scene, sigma) else gain, dt_s)
+            off_space = _squared(residual, scene.background, sigma)
+            gain = cost - _cost(off_space, SPACE_DIMENSION)
+            self._decide(-abs(gain) if _to_and_fro(off_surface, off_space, scene.against) else gain, dt_s)
         return scene.background if self.three_dimensional or config.model == 'epipolar' else planar
 
     def _decide(self, score: float, dt_s: float) -> None:
@@ -104,12 +106,13 @@ class BackgroundSelector:
         self.three_dimensional = self._score > (-HYSTERESIS if self.three_dimensional else HYSTERESIS)
 
 
-def _to_and_fro(residual: FloatArray, planar: Background, scene: StaticScene, sigma: FloatArray) -> bool:
-    """Whether too much moves against the lines for the rest to be relief."""
-    far = _squared(residual, planar, sigma) > OUTLIER * (DATA_DIMENSION - SURFACE_DIMENSION)
-    left = _squared(residual, scene.background, sigma) > OUTLIER * (DATA_DIMENSION - SPACE_DIMENSION)
-    against = np.count_nonzero(far & left & scene.against)
-    return bool(against > AGAINST_SHARE * (against + np.count_nonzero(far & ~left)))
+def _to_and_fro(off_surface: FloatArray, off_space: FloatArray, against: BoolArray) -> bool:
+    """Whether too much moves against the lines for the rest to be relief: (gh, gw) squared errors, ``StaticScene``."""
+    far = off_surface > _bound(SURFACE_DIMENSION)
+    left = off_space > _bound(SPACE_DIMENSION)
+    left &= far
+    explained, back = np.count_nonzero(far) - np.count_nonzero(left), np.count_nonzero(left & against)
+    return bool(back > AGAINST_SHARE * (back + explained))
 
 
 def _squared(residual: FloatArray, background: Background, sigma: FloatArray) -> FloatArray:
@@ -120,10 +123,13 @@ def _squared(residual: FloatArray, background: Background, sigma: FloatArray) ->
     return squared
 
 
-def _cost(residual: FloatArray, background: Background, sigma: FloatArray, dimension: int) -> float:
+def _cost(squared: FloatArray, dimension: int) -> float:
     """Mean cost of a cell under a model; the number of the models' own parameters is negligible."""
-    bound = OUTLIER * (DATA_DIMENSION - dimension)
-    squared = _squared(residual, background, sigma)
+    bound = _bound(dimension)
     known = squared.size - np.count_nonzero(np.isnan(squared))
     total = float(np.fmin(squared, bound).sum(dtype=np.float64)) - bound * (squared.size - known)
     return (total / known if known else 0.0) + dimension * PER_DIMENSION
+
+
+def _bound(dimension: int) -> float:
+    return OUTLIER * (DATA_DIMENSION - dimension)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from motion_detect_ros.core.background.planar import Background, motion_vectors
-from motion_detect_ros.core.background.selection import _cost
+from motion_detect_ros.core.background.selection import _cost, _squared
 
 RANDOM = np.random.default_rng(0)
 RESIDUAL = RANDOM.normal(0.0, 2.0, (30, 40, 2)).astype(np.float32)
@@ -22,11 +22,12 @@ def test_cost_is_the_mean_bounded_error_and_a_penalty_for_each_dimension(dimensi
     """Halfway from Torr's penalty to that of Kanatani's geometric AIC."""
     error = np.linalg.norm(RESIDUAL - BACKGROUND.flow, axis=-1) / BACKGROUND.sigma_px
     expected = np.nanmean(np.minimum(error ** 2, bound)) + dimension * (math.log(4.0) + 2.0) / 2.0
-    assert _cost(RESIDUAL, BACKGROUND, BACKGROUND.sigma_px, dimension) == pytest.approx(expected, rel=1e-5)
+    squared = _squared(RESIDUAL, BACKGROUND, BACKGROUND.sigma_px)
+    assert _cost(squared, dimension) == pytest.approx(expected, rel=1e-5)
 
 
 def test_where_nothing_is_known_there_is_no_error() -> None:
-    assert _cost(np.full_like(RESIDUAL, np.nan), BACKGROUND, BACKGROUND.sigma_px, 2) == math.log(4.0) + 2.0
+    assert _cost(np.full_like(RESIDUAL[..., 0], np.nan), 2) == math.log(4.0) + 2.0
 
 
 def test_motion_is_in_units_of_each_cell_s_noise() -> None:
