@@ -41,6 +41,13 @@ def test_noise_holes_and_a_tenth_that_moves_otherwise():
     assert 0.5 < np.median(background.sigma_px) < 0.65  # the median of all cells, movers included
 
 
+def test_a_surface_within_the_noise_is_fitted_all_the_same():
+    truth = 0.1 * surface(90, 160)
+    background = fitted(truth + np.random.default_rng(2).normal(0.0, 0.1, truth.shape))
+    assert np.abs(background.flow - truth).max() < 0.03
+    assert np.abs(truth).max() > 0.2
+
+
 def test_what_a_third_of_the_cells_agrees_on_is_not_lost_among_movers():
     """Lanes in both directions: 0.36 stand still, 0.4 drive one way and 0.24 the other, at speeds of their own."""
     random = np.random.default_rng(1)

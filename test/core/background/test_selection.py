@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from motion_detect_ros.core.background.planar import Background, motion_vectors
-from motion_detect_ros.core.background.selection import _cost, _squared
+from motion_detect_ros.core.background.selection import _cost, _squared, _to_and_fro
 
 RANDOM = np.random.default_rng(0)
 RESIDUAL = RANDOM.normal(0.0, 2.0, (30, 40, 2)).astype(np.float32)
@@ -28,6 +28,19 @@ def test_cost_is_the_mean_bounded_error_and_a_penalty_for_each_dimension(dimensi
 
 def test_where_nothing_is_known_there_is_no_error() -> None:
     assert _cost(np.full_like(RESIDUAL[..., 0], np.nan), 2) == math.log(4.0) + 2.0
+
+
+@pytest.mark.parametrize(('back', 'answer'), [(19, False), (21, True)])
+def test_what_moves_back_along_the_lines_is_weighed_against_what_space_alone_explains(back: int, answer: bool) -> None:
+    """Of 60 cells that space explains, a quarter of the whole is 20; what only moves across the lines is no matter."""
+    off_surface, off_space, against = np.full(400, 5.0), np.full(400, 1.0), np.zeros(400, np.bool_)
+    off_space[60:200] = 3.0  # neither model explains them
+    against[60:60 + back] = True
+    off_surface[200:] = 1.0
+    against[:60] = against[200:300] = True  # within the noise
+    off_space[300:] = 3.0  # the surface explains them
+    against[300:] = True
+    assert _to_and_fro(off_surface, off_space, against) is answer
 
 
 def test_motion_is_in_units_of_each_cell_s_noise() -> None:
