@@ -30,32 +30,33 @@ BORDER_PX = 4.0
 def with_growth(
     candidates: list[Candidate], flow: FlowField, object_flow: FloatArray, seconds: float,
 ) -> list[Candidate]:
-    """The candidates with their growth, where their cells determine it.
+    """The candidates with their growth, None where too few cells are known.
 
     flow: total flow over ``seconds``, camera motion included: contact is between camera and object; object_flow:
     (gh, gw, 2) motion against the background, pixels, which tells an object's cells from those of the background.
-    """
-    return [replace(seen, growth=growth(flow, object_flow, seen, seconds)) for seen in candidates]
-
-
-def growth(flow: FlowField, object_flow: FloatArray, seen: Candidate, seconds: float) -> Growth | None:
-    """Growth of one candidate, its rate in 1/s; None with too few known cells.
-
-    flow, object_flow: as in ``with_growth``, pixels over ``seconds``.
     What comes closer at constant speed was smaller by the factor 1 - a, a = seconds * speed / distance then, so the
     rate now is a / (seconds * (1 - a)) (Lee 1976; Koenderink and van Doorn 1976: divergence = 2 a / seconds).
     """
-    rows, columns = flow.flow.shape[:2]
-    cell_x, cell_y = flow.width / columns, flow.height / rows
-    (u, v), (width, height) = seen.centre.tolist(), seen.size.tolist()
-    motion_x, motion_y = (seen.velocity_px_s * seconds).tolist()
-    left, top = max(0, math.floor((u - width / 2.0) / cell_x)), max(0, math.floor((v - height / 2.0) / cell_y))
-    right = min(columns, math.ceil((u + width / 2.0) / cell_x))
-    bottom = min(rows, math.ceil((v + height / 2.0) / cell_y))
-    most = max(0, right - left) * max(0, bottom - top)
-    shrunk, variance, cells = _shrinkage(flow.flow, object_flow, motion_x, motion_y, left, top, right, bottom, cell_x,
-                                         cell_y, np.empty((5, most)), np.empty((2, most), np.float32))
-    if cells < MIN_CELLS or seconds <= 0.0:
+    if not candidates or seconds <= 0.0:
+        return [replace(seen, growth=None) for seen in candidates]
+    centres, sizes, motions = (np.array([getattr(seen, name) for seen in candidates])
+                               for name in ('centre', 'size', 'velocity_px_s'))
+    grid = flow.flow.shape[:2]
+    cell = np.array([flow.width / grid[1], flow.height / grid[0]])
+    low = np.maximum(np.floor((centres - sizes / 2.0) / cell), 0.0).astype(np.int64)
+    high = np.minimum(np.ceil((centres + sizes / 2.0) / cell), grid[::-1]).astype(np.int64)
+    most = int(np.maximum(high - low, 0).prod(axis=1).max())
+    found = np.empty((len(candidates), 3))
+    _fill_shrinkages(flow.flow, object_flow, motions * seconds, low, high, cell, np.empty((5, most)),
+                     np.empty((2, most), np.float32), found)
+    return [replace(seen, growth=_growth(seen, *each, seconds, flow)) for seen, each in zip(
+        candidates, found.tolist(), strict=True)]
+
+
+def _growth(
+    seen: Candidate, shrunk: float, variance: float, cells: float, seconds: float, flow: FlowField,
+) -> Growth | None:
+    if cells < MIN_CELLS:
         return None
     before = max(1.0 - shrunk, MIN_SHRINKAGE)
     return Growth(shrunk / (seconds * before), variance / (seconds * before ** 2) ** 2, seconds,
@@ -70,13 +71,26 @@ def _log_size(seen: Candidate, width: int, height: int) -> float:
 
 
 @kernel()
+def _fill_shrinkages(  # type: ignore[no-untyped-def]
+    flow, object_flow, motions, low, high, cell, cells, errors, found,
+):
+    """``found``: (n, 3) what ``_shrinkage`` returns for motions (n, 2) of the cells ``low`` .. ``high``, (n, 2) columns
+    and rows; cell: (2,) its sides; cells: (5, .), errors: (2, .) for those of the largest.
+    """
+    for n in range(len(found)):
+        found[n, 0], found[n, 1], found[n, 2] = _shrinkage(
+            flow, object_flow, motions[n, 0], motions[n, 1], low[n, 0], low[n, 1], high[n, 0], high[n, 1], cell[0],
+            cell[1], cells, errors)
+
+
+@kernel()
 def _shrinkage(  # type: ignore[no-untyped-def]
     flow, object_flow, motion_x, motion_y, left, top, right, bottom, cell_x, cell_y, cells, errors,
 ):
     """Scale part a of flow = t + a p + b rot90(p) over the cells of this motion, its variance, their number.
 
     Least squares re-weighted by Tukey's biweight; positions about their weighted mean, so that the normal equations
-    are diagonal. cells: (5, n), errors: (2, n) for the n cells of the window.
+    are diagonal. cells: (5, .), errors: (2, .) for the cells of the window.
     """
     x, y, u, v, weight = cells[0], cells[1], cells[2], cells[3], cells[4]
     error, ordered = errors[0], errors[1]

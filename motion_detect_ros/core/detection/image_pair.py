@@ -12,9 +12,6 @@ from motion_detect_ros.core.geometry.warp import inverse
 from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, FloatArray
 
-#: Window over which errors are averaged, and its pixels beside its centre.
-WINDOW_PX = 3
-BESIDE_PX = WINDOW_PX // 2
 #: Least image noise, grey levels (quantisation, compression).
 MIN_NOISE_GRAY = 1.5
 
@@ -54,66 +51,8 @@ def image_noise(pair: ImagePair, points: FloatArray, background: FloatArray) -> 
     return max(MIN_NOISE_GRAY, MAD_TO_SIGMA * float(spread))
 
 
-@kernel()
-def mean_errors(  # type: ignore[no-untyped-def]
-    current, reference, back, left, top, flow, place, corner, corners, sums, errors,
-):
-    """``errors``: (h, w) squared ones of the grey values of a box at left, top of the current image under a flow, each
-    the mean of a window; beyond the border those of the pixels within are mirrored.
-
-    flow: (h, w, 2), or (1, 1, 2) where it is the same everywhere; of w columns or more: place: (2, .), corner: (.,)
-    uint32, corners: (4, .) uint8, sums: (3, .). A row at a time, as only the look-up of pixels cannot be vectorised.
-    """
-    height, width = errors.shape
-    x, y = place[0, :width], place[1, :width]
-    for r in range(height):
-        _positions(flow[min(r, flow.shape[0] - 1)], left, top + r, x, y)
-        _grey_before(reference, back, x, y, corner, corners)
-        here, error = current[top + r, left:left + width], errors[r]
-        for c in range(width):
-            miss = np.float32(here[c]) - x[c]
-            error[c] = miss * miss
-    _average(errors, sums)
-
-
-@kernel()
-def _average(values, sums):  # type: ignore[no-untyped-def]
-    """``values``: (h, w) each the mean of three by three of them; sums: (3, w or more), of threes of a row."""
-    height, width = values.shape
-    share, last = 1.0 / WINDOW_PX ** 2, height - 1
-    _sum_threes(values[0], sums[0])
-    for r in range(height):
-        if r < last:
-            _sum_threes(values[r + 1], sums[(r + 1) % 3])
-        own, above = sums[r % 3], sums[(r - 1 if r > 0 else min(1, last)) % 3]
-        below, row = sums[(r + 1 if r < last else max(last - 1, 0)) % 3], values[r]
-        for c in range(width):
-            row[c] = np.float64(above[c] + own[c] + below[c]) * share
-
-
-@kernel()
-def _sum_threes(values, sums):  # type: ignore[no-untyped-def]
-    """``sums``: of each of the values (w,) and those beside it, mirrored at the ends."""
-    last = len(values) - 1
-    sums[0] = values[0] + np.float32(2.0) * values[min(1, last)]
-    for c in range(1, last):
-        sums[c] = values[c - 1] + values[c] + values[c + 1]
-    sums[last] = values[last] + np.float32(2.0) * values[max(last - 1, 0)]
-
-
-@kernel()
-def _positions(flow, left, row, x, y):  # type: ignore[no-untyped-def]
-    """``x``, ``y``: (w,) where the pixels of a row from ``left`` on were before a flow, (w, 2) or (1, 2)."""
-    if len(flow) == 1:
-        for c in range(len(x)):
-            x[c], y[c] = np.float32(np.int32(left + c)) - flow[0, 0], np.float32(row) - flow[0, 1]
-    else:
-        for c in range(len(x)):
-            x[c], y[c] = np.float32(np.int32(left + c)) - flow[c, 0], np.float32(row) - flow[c, 1]
-
-
-@kernel()
-def _grey_before(image, back, x, y, corner, corners):  # type: ignore[no-untyped-def]
+@kernel(inline='always')
+def grey_before(image, back, x, y, corner, corners):  # type: ignore[no-untyped-def]
     """``x``: (w,) positions with ``y``, then grey values of an image at what ``back`` makes of them, linear, rounded.
 
     Beyond the border of the image, and for NaN, those of the border. corner: (w,) uint32; corners: (4, w) uint8.
@@ -165,8 +104,8 @@ def _median_error(  # type: ignore[no-untyped-def]
         for c in range(columns):
             x[c], y[c] = points[r, c, 0], points[r, c, 1]
             before_x[c], before_y[c] = x[c] - background_flow[r, c, 0], y[c] - background_flow[r, c, 1]
-        _grey_before(current, unmoved, x, y, corner, corners)
-        _grey_before(reference, back, before_x, before_y, corner, corners)
+        grey_before(current, unmoved, x, y, corner, corners)
+        grey_before(reference, back, before_x, before_y, corner, corners)
         for c in range(columns):
             counts[int(abs(x[c] - before_x[c]))] += 1
     total = rows * columns

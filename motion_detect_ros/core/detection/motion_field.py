@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import cv2
 import numpy as np
+import numpy.typing as npt
 
 from motion_detect_ros.core.background.planar import Background
 from motion_detect_ros.core.detection.segments import Segment
-from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.order_statistics import median
+from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.kernels import kernel
-from motion_detect_ros.core.types import FloatArray
+from motion_detect_ros.core.types import DoubleArray, FloatArray
 
+#: (n, 4) top, bottom, left, right of windows of cells; bottom and right are exclusive.
+Windows = npt.NDArray[np.int64]
 #: Margin around an object in which the share of known flow is measured, cells: wider than what even fast objects
 #: uncover from frame to frame, which says nothing against them.
 AROUND_CELLS = 12
@@ -32,93 +37,97 @@ class MotionField:
     seconds: float
     scale: float
 
-    def background_flow(self, region: Box, width: int, height: int) -> FloatArray:
-        """(h, w, 2) motion of the background in a region of the ``width`` x ``height`` working image, its pixels."""
-        flow = np.empty((region.height, region.width, 2), np.float32)
-        _enlarge(self.background.flow, region.left, region.top, width, height, np.float32(self.scale),
-                 np.empty((2, 2 * region.width), np.float32), flow.reshape(region.height, -1))
-        return flow
-
     @cached_property
     def object_flow(self) -> FloatArray:
         """(gh, gw, 2) motion against the background, full-resolution pixels, NaN = unknown."""
         flow: FloatArray = self.residual - self.background.flow
         return flow
 
-    def motions_of(self, segment: Segment) -> tuple[FloatArray, FloatArray]:
-        """Median motion of a segment beyond the ego-motion, and against the background, (2,) working pixels each."""
-        motions, cells = np.empty((2, 2), np.float32), np.empty((4, len(segment.rows)), np.float32)
-        _median_motions(self.residual, self.background.flow, segment.rows, segment.columns, cells, motions)
-        motions *= np.float32(self.scale)
-        return motions[0], motions[1]
+    def motions_of(self, segments: Sequence[Segment]) -> FloatArray:
+        """(n, 2, 2) median motions of segments beyond the ego-motion, and against the background, working pixels."""
+        motions, ends = np.empty((len(segments), 4), np.float32), np.cumsum([len(each.rows) for each in segments])
+        _median_motions(self.residual, self.background.flow, np.concatenate([each.rows for each in segments]),
+                        np.concatenate([each.columns for each in segments]), ends,
+                        np.empty((4, ends[-1]), np.float32), motions)
+        return (motions * np.float32(self.scale)).reshape(-1, 2, 2)
 
-    def object_motion(self, rows: slice, columns: slice) -> tuple[FloatArray, float, float]:
-        """Motion against the background in a window of cells: (2,) pixels, in noise units, share of known cells.
+    def object_motions(self, windows: Windows) -> tuple[FloatArray, DoubleArray, DoubleArray]:
+        """Motion against the background in windows of cells: (n, 2) pixels, (n,) in noise units, (n,) share of known
+        cells.
 
         The median of the faster half of the cells; the slower half is smeared background.
         """
-        motion = np.zeros(2, np.float32)
-        cells = np.empty((5, (rows.stop - rows.start) * (columns.stop - columns.start)), np.float32)
-        known, sigma_px = _object_motion(self.residual, self.background.flow, self.background.sigma_px,
-                                         rows.start, rows.stop, columns.start, columns.stop, cells, motion)
-        length = float(np.hypot(motion[0], motion[1]))
-        return motion, length / sigma_px if known else 0.0, known
+        motions, figures = np.zeros((len(windows), 2), np.float32), np.zeros((2, len(windows)))
+        most = int(_areas(windows).max(initial=0))
+        _fill_object_motions(self.residual, self.background.flow, self.background.sigma_px, windows,
+                             np.empty((5, most), np.float32), motions, figures)
+        known, sigma_px = figures
+        return motions, magnitude(motions) / np.where(known > 0.0, sigma_px, 1.0), known
 
-    def known_around(self, rows: slice, columns: slice) -> float:
-        """Share of the cells within ``AROUND_CELLS`` of a window of cells, but not in it, whose motion is known."""
-        return float(_known_around(self.residual, rows.start, rows.stop, columns.start, columns.stop))
+    def known_around(self, windows: Windows) -> DoubleArray:
+        """(n,) share of the cells within ``AROUND_CELLS`` of windows of cells, but not in them, whose motion is known."""
+        (rows, columns), counts = self.residual.shape[:2], self._known_before
+        around = np.stack([np.maximum(windows[:, 0] - AROUND_CELLS, 0), np.minimum(windows[:, 1] + AROUND_CELLS, rows),
+                           np.maximum(windows[:, 2] - AROUND_CELLS, 0),
+                           np.minimum(windows[:, 3] + AROUND_CELLS, columns)], axis=1)
+        outer, inner = (counts[each[:, 1], each[:, 3]] - counts[each[:, 0], each[:, 3]] - counts[each[:, 1], each[:, 2]]
+                        + counts[each[:, 0], each[:, 2]] for each in (around, windows))
+        share: DoubleArray = (outer - inner) / np.maximum(1, _areas(around) - _areas(windows))
+        return share
+
+    @cached_property
+    def _known_before(self) -> npt.NDArray[np.int32]:
+        """(gh + 1, gw + 1) number of known cells above and left of each corner."""
+        return cv2.integral(np.isfinite(self.residual[..., 0]).view(np.uint8))
 
 
-@kernel(error_model='numpy')
-def _enlarge(flow, left, top, width, height, scale, lines, enlarged):  # type: ignore[no-untyped-def]
-    """``enlarged``: (h, w * 2) at left, top of a grid over a ``width`` x ``height`` image, linear, times ``scale``.
-
-    Between the outermost cells' centres and the image border the outermost cells are replicated. lines: (2, w * 2), of
-    the rows of the grid above and below, which many rows of the image share.
+def cells_of(boxes: npt.NDArray[np.int64], grid: tuple[int, ...], size: tuple[int, ...]) -> Windows:
+    """(n, 4) windows of cells that hold boxes (n, 4) left, top, right, bottom, pixels of an image of this height and
+    width; grid: rows and columns of cells over it.
     """
-    rows = flow.shape[0]
-    down, half, above = np.float32(rows / height), np.float32(0.5), -1
-    for y in range(enlarged.shape[0]):
-        r = min(max((np.float32(top + y) + half) * down - half, np.float32(0.0)), np.float32(rows - 1))
-        if above != int(r):
-            above = int(r)
-            _stretch(flow[above], left, width, lines[0])
-            _stretch(flow[min(above + 1, rows - 1)], left, width, lines[1])
-        v, high, low, line = r - np.float32(above), lines[0], lines[1], enlarged[y]
-        for n in range(len(line)):
-            line[n] = (high[n] + v * (low[n] - high[n])) * scale
+    (rows, columns), (height, width) = grid, size
+    left, top, right, bottom = boxes.T
+    return np.stack([top * rows // height, -(-bottom * rows // height), left * columns // width,
+                     -(-right * columns // width)], axis=1)
 
 
-@kernel(error_model='numpy')
-def _stretch(cells, left, width, line):  # type: ignore[no-untyped-def]
-    """``line``: (w * 2,) from ``left`` on of cells (n, 2) over an image of this width, linear."""
-    columns = len(cells)
-    across, half = np.float32(columns / width), np.float32(0.5)
-    for x in range(len(line) // 2):
-        c = min(max((np.float32(left + x) + half) * across - half, np.float32(0.0)), np.float32(columns - 1))
-        west = int(c)
-        east, u = min(west + 1, columns - 1), c - np.float32(west)
-        for axis in range(2):
-            line[2 * x + axis] = cells[west, axis] + u * (cells[east, axis] - cells[west, axis])
+def _areas(windows: Windows) -> npt.NDArray[np.int64]:
+    """(n,) cells."""
+    return (windows[:, 1] - windows[:, 0]) * (windows[:, 3] - windows[:, 2])
 
 
 @kernel()
-def _median_motions(residual, flow, rows, columns, cells, motions):  # type: ignore[no-untyped-def]
-    """``motions``: (2, 2) median over the cells (n,) of the residual, and of what is left of it beyond the background's
-    flow; cells: (4, n).
+def _median_motions(residual, flow, rows, columns, ends, cells, motions):  # type: ignore[no-untyped-def]
+    """``motions``: (n, 4) median over the cells of each segment, which end at ``ends`` (n,), of the residual, and of
+    what is left of it beyond the background's flow; cells: (4, .) for all of them.
     """
-    for n in range(len(rows)):
-        for axis in range(2):
-            own = residual[rows[n], columns[n], axis]
-            cells[axis, n], cells[2 + axis, n] = own, own - flow[rows[n], columns[n], axis]
-    for which in range(4):
-        motions[which // 2, which % 2] = median(cells[which])
+    start = 0
+    for number in range(len(ends)):
+        end = ends[number]
+        for n in range(start, end):
+            for axis in range(2):
+                own = residual[rows[n], columns[n], axis]
+                cells[axis, n], cells[2 + axis, n] = own, own - flow[rows[n], columns[n], axis]
+        for which in range(4):
+            motions[number, which] = median(cells[which, start:end])
+        start = end
+
+
+@kernel()
+def _fill_object_motions(residual, flow, sigma_px, windows, cells, motions, figures):  # type: ignore[no-untyped-def]
+    """``motions``: (n, 2) zeros, then those of ``_object_motion`` in windows (n, 4) top, bottom, left, right; figures:
+    (2, n) what that returns. cells: (5, .) for the cells of the largest.
+    """
+    for n in range(len(windows)):
+        top, bottom, left, right = windows[n]
+        figures[0, n], figures[1, n] = _object_motion(residual, flow, sigma_px, top, bottom, left, right, cells,
+                                                      motions[n])
 
 
 @kernel()
 def _object_motion(residual, flow, sigma_px, top, bottom, left, right, cells, motion):  # type: ignore[no-untyped-def]
     """``motion``: (2,) zeros, then the median of the faster half of the known cells of a window. Returns the share that
-    is known, and the median noise of those. cells: (5, n) for the n cells of the window.
+    is known, and the median noise of those. cells: (5, .) for the n cells of the window.
     """
     object_x, object_y, length, ordered, noise = cells[0], cells[1], cells[2], cells[3], cells[4]
     count = 0
@@ -138,18 +147,4 @@ def _object_motion(residual, flow, sigma_px, top, bottom, left, right, cells, mo
             object_x[fast], object_y[fast] = object_x[n], object_y[n]
             fast += 1
     motion[0], motion[1] = median(object_x[:fast]), median(object_y[:fast])
-    return count / len(noise), float(median(noise[:count]))
-
-
-@kernel()
-def _known_around(residual, top, bottom, left, right):  # type: ignore[no-untyped-def]
-    """Share of known cells in the frame of ``AROUND_CELLS`` around a window, cut at the grid's edges."""
-    rows, columns = residual.shape[:2]
-    known = cells = 0
-    for r in range(max(0, top - AROUND_CELLS), min(rows, bottom + AROUND_CELLS)):
-        for c in range(max(0, left - AROUND_CELLS), min(columns, right + AROUND_CELLS)):
-            if top <= r < bottom and left <= c < right:
-                continue
-            cells += 1
-            known += np.isfinite(residual[r, c, 0])
-    return known / max(1, cells)
+    return count / ((bottom - top) * (right - left)), float(median(noise[:count]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -11,17 +12,20 @@ import numpy.typing as npt
 from motion_detect_ros.core.config import ObjectsConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.image_pair import ImagePair, image_noise
-from motion_detect_ros.core.detection.motion_field import MotionField
-from motion_detect_ros.core.detection.patches import Patch, connected_pixels, joined_patches, parted_patch, whole_body
-from motion_detect_ros.core.detection.photometric import PhotometricTest, photometric_test, reach_px
+from motion_detect_ros.core.detection.motion_field import MotionField, cells_of
+from motion_detect_ros.core.detection.patches import Patch, joined_patches, parted_patch, whole_body
+from motion_detect_ros.core.detection.photometric import (
+    BackgroundMotion, PhotometricTest, photometric_test, reach_px)
+from motion_detect_ros.core.detection.prediction_errors import PredictionErrors
 from motion_detect_ros.core.detection.scoring import log_odds
+from motion_detect_ros.core.detection.segment_patches import CellEdges, strong_patches
 from motion_detect_ros.core.detection.segments import Segment
 from motion_detect_ros.core.detection.several_objects import LARGER, UsualSize
 from motion_detect_ros.core.geometry.boxes import Box
-from motion_detect_ros.core.geometry.order_statistics import percentile
 from motion_detect_ros.core.geometry.warp import grid_points
-from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.threads import HELPERS
+from motion_detect_ros.core.types import FloatArray
+from motion_detect_ros.core.types import FloatArray
 
 #: A segment's surroundings that its object may reach into besides its motion, working-resolution pixels.
 MARGIN_PX = 3
@@ -37,12 +41,19 @@ NEAR_SHARE = 0.05
 BODY_SHARE = 0.15
 #: So many objects in a frame tell which size is usual: fewer may be the pieces of a single near body.
 LEAST_OBJECTS = 10
-#: Fewer foreground pixels than this are noise.
-MIN_PIXELS = 8
-#: The gain that a patch's strongest pixels reach, as a percentile.
-PEAK_PERCENTILE = 90.0
 #: Fewest segments worth a thread.
 LEAST_SEGMENTS = 20
+
+
+@dataclass(frozen=True)
+class _Place:
+    """``region`` that the object of a segment may cover: of fast objects flow is known on a part only; ``reach``: from
+    there to where its pixels come from, ``motion``: (2,) beyond the ego-motion, working-resolution pixels.
+    """
+
+    region: Box
+    reach: int
+    motion: FloatArray
 
 
 def is_allowed(sides: Sequence[float], image_area: int, config: ObjectsConfig) -> bool:
@@ -72,35 +83,56 @@ class ObjectFinder:
         """
         if not segments:
             return []
-        rows, columns = field.residual.shape[:2]
-        height, width = pair.current.shape
+        grid, (height, width) = field.residual.shape[:2], pair.current.shape
         background_flow = field.background.flow * np.float32(field.scale)
-        noise_gray = image_noise(pair, grid_points(rows, columns, width, height), background_flow)
-        count = HELPERS.parts(len(segments), LEAST_SEGMENTS)
-        found: list[list[Candidate]] = [[] for _ in segments]
+        noise_gray = image_noise(pair, grid_points(*grid, width, height), background_flow)
+        places = [self._place(segment, field, motion, against, width, height)
+                  for segment, (motion, against) in zip(segments, field.motions_of(segments), strict=True)]
+        background = BackgroundMotion(background_flow, PredictionErrors.near(
+            pair, [each.region.grown(each.reach, width, height) for each in places], background_flow))
+        edges, count = CellEdges.of(grid, (height, width)), HELPERS.parts(len(segments), LEAST_SEGMENTS)
+        patches: list[list[Patch]] = [[] for _ in segments]
 
         def every(first: int) -> None:  # the largest segments are neighbours in the list
-            for index in range(first, len(segments), count):
-                found[index] = [self._candidate(patch, field, pair, int(names[segments[index].neuron]))
-                                for patch in self._patches(segments[index], field, pair, noise_gray)]
+            for n in range(first, len(segments), count):
+                place = places[n]
+                test = photometric_test(pair, background, place.region, place.reach, place.motion, noise_gray,
+                                        self._config.photometric_sigma)
+                found = strong_patches(test, place.region, segments[n], edges, self._config)
+                patches[n] = self._objects(found, segments[n], place.region, test, field, width, height)
 
         HELPERS.share(every, range(count))
-        candidates = [candidate for each in found for candidate in each]
-        self._usual.add([float(each.size.prod()) * field.scale ** 2 for each in candidates if each.log_odds > 0.0],
+        found = _candidates([patch for each in patches for patch in each], field, (height, width), [
+            int(names[segment.neuron]) for segment, each in zip(segments, patches, strict=True) for _ in each])
+        self._usual.add([float(each.size.prod()) * field.scale ** 2 for each in found if each.log_odds > 0.0],
                         stamp_ns)
-        return candidates
+        return found
 
-    def _patches(self, segment: Segment, field: MotionField, pair: ImagePair, noise_gray: float) -> list[Patch]:
-        """Foreground patches around one segment, working-resolution pixels."""
-        height, width = pair.current.shape
-        motion, object_motion = field.motions_of(segment)
-        reach = reach_px(object_motion)
-        region = self._region(segment, field, reach, width, height)
-        window = region.grown(reach, width, height)
-        test = photometric_test(
-            pair, region, window, field.background_flow(window, width, height), motion, noise_gray,
-            self._config.photometric_sigma)
-        found = self._patches_of(test, segment, Box(region.left, region.top, width, height), field.residual.shape[:2])
+    @staticmethod
+    def _place(
+        segment: Segment, field: MotionField, motion: FloatArray, against: FloatArray, width: int, height: int,
+    ) -> _Place:
+        """Where a segment's object is looked for in a ``width`` x ``height`` image.
+
+        motion, against: (2,) beyond the ego-motion, and against the background.
+        """
+        reach = reach_px(against)
+        rows, columns = field.residual.shape[:2]
+        cells = segment.box
+        box = Box(cells.left * width // columns, cells.top * height // rows,
+                  -(-cells.right * width // columns), -(-cells.bottom * height // rows))
+        margin = MARGIN_PX + reach
+        if not field.background.smooth:
+            margin = max(margin, round(SPACE_MARGIN_SHARE * min(box.width, box.height)))
+        return _Place(box.grown(margin, width, height), reach, motion)
+
+    def _objects(
+        self, found: list[Patch], segment: Segment, region: Box, test: PhotometricTest, field: MotionField, width: int,
+        height: int,
+    ) -> list[Patch]:
+        """Patches of whole objects, pixels of the ``width`` x ``height`` image, from those of a segment; test: of the
+        region.
+        """
         near_area, usual_area = math.inf, None
         if field.background.smooth:  # before one in space the test reaches far beside the segment, where flow leaks
             near_area, usual_area = NEAR_SHARE * width * height, self._usual.area
@@ -113,101 +145,19 @@ class ObjectFinder:
         return [patch.moved(region.left, region.top) for patch in found
                 if is_allowed((patch.box.width, patch.box.height), width * height, self._config)]
 
-    @staticmethod
-    def _region(segment: Segment, field: MotionField, reach: int, width: int, height: int) -> Box:
-        """Region that the object may cover: of fast objects flow is known on a part only."""
-        rows, columns = field.residual.shape[:2]
-        cells = segment.box
-        box = Box(cells.left * width // columns, cells.top * height // rows,
-                  -(-cells.right * width // columns), -(-cells.bottom * height // rows))
-        margin = MARGIN_PX + reach
-        if not field.background.smooth:
-            margin = max(margin, round(SPACE_MARGIN_SHARE * min(box.width, box.height)))
-        return box.grown(margin, width, height)
 
-    def _patches_of(self, test: PhotometricTest, segment: Segment, place: Box, grid: tuple[int, ...]) -> list[Patch]:
-        """Patches that touch the segment, cut down to the pixels near their strongest gain.
-
-        A soft shadow moves with its object, but its gain is far below that of the object's own edges. place: of the
-        test's left upper pixel to the right lower end of the image; grid: rows and columns of cells of the image.
-        """
-        count, labels = connected_pixels(test.foreground, self._config.closing_px)
-        patches = np.zeros((count, 5), np.int64)
-        _fill_patches(labels, test.foreground, test.gain, segment.rows, segment.columns, grid[0], grid[1], place.left,
-                      place.top, place.right, place.bottom, np.float32(self._config.peak_share),
-                      np.zeros((2, count + 1), np.int64), np.empty(labels.size, np.float32),
-                      np.zeros(count, np.bool_), np.empty(count, np.float32), patches)
-        return [Patch(Box(*row[:4]), row[4]) for row in patches.tolist() if row[4] >= MIN_PIXELS]
-
-    @staticmethod
-    def _candidate(patch: Patch, field: MotionField, pair: ImagePair, name: int) -> Candidate:
-        box, scale = patch.box, field.scale
-        rows, columns = field.residual.shape[:2]
-        height, width = pair.current.shape
-        cells = (slice(box.top * rows // height, -(-box.bottom * rows // height)),
-                 slice(box.left * columns // width, -(-box.right * columns // width)))
-        motion, sigmas, known = field.object_motion(*cells)
-        around = field.known_around(*cells)
-        centre = np.array([box.left + box.right, box.top + box.bottom]) / (2.0 * scale)
-        size = np.array([box.width, box.height]) / scale
-        return Candidate(centre, size, motion.astype(np.float64) / field.seconds, patch.pixels / scale ** 2,
-                         log_odds(patch.pixels / width ** 2, sigmas, known, around), name)
-
-
-@kernel()
-def _fill_patches(  # type: ignore[no-untyped-def]
-    labels, mask, gain, cell_rows, cell_columns, grid_rows, grid_columns, left, top, width, height, peak_share, places,
-    gains, touches, limits, patches,
-):
-    """``patches``: (count, 5) left, top, right, bottom, number of the pixels near the peak gain of each label; number 0
-    where the label does not touch the cells (n,) of a grid over a ``width`` x ``height`` image or is too small.
-
-    labels, mask, gain: (h, w), at left, top of it; places: (2, count + 1) zeros, where the pixels of each label begin
-    in ``gains`` (h * w,), and are filled so far; touches: (count,) False; limits: (count,).
-    """
-    rows, columns = labels.shape
-    starts = places[0]
-    _gather(labels, mask, gain, starts, places[1], gains)
-    for n in range(len(cell_rows)):
-        r, c = cell_rows[n], cell_columns[n]
-        y0, y1 = -(-r * height // grid_rows) - top, -(-(r + 1) * height // grid_rows) - top
-        x0, x1 = -(-c * width // grid_columns) - left, -(-(c + 1) * width // grid_columns) - left
-        _note_touched(labels, mask, max(0, y0), min(rows, y1), max(0, x0), min(columns, x1), touches)
-    for label in range(len(limits)):
-        limits[label], patches[label, 0], patches[label, 1] = np.inf, columns, rows
-        if touches[label] and starts[label + 1] - starts[label] >= MIN_PIXELS:
-            limits[label] = peak_share * percentile(gains[starts[label]:starts[label + 1]], PEAK_PERCENTILE)
-    for y in range(rows):
-        for x in range(columns):
-            if mask[y, x] and gain[y, x] > limits[labels[y, x]]:
-                label = labels[y, x]
-                patches[label, 0], patches[label, 1] = min(patches[label, 0], x), min(patches[label, 1], y)
-                patches[label, 2], patches[label, 3] = max(patches[label, 2], x + 1), max(patches[label, 3], y + 1)
-                patches[label, 4] += 1
-
-
-@kernel()
-def _gather(labels, mask, gain, starts, filled, gains):  # type: ignore[no-untyped-def]
-    """``gains``: of the pixels of label after label, which begin at ``starts``, (count + 1,) zeros like ``filled``."""
-    rows, columns = labels.shape
-    for y in range(rows):
-        for x in range(columns):
-            if mask[y, x]:
-                starts[labels[y, x] + 1] += 1
-    for label in range(len(starts) - 1):
-        starts[label + 1] += starts[label]
-        filled[label] = starts[label]
-    for y in range(rows):
-        for x in range(columns):
-            if mask[y, x]:
-                label = labels[y, x]
-                gains[filled[label]] = gain[y, x]
-                filled[label] += 1
-
-
-@kernel()
-def _note_touched(labels, mask, top, bottom, left, right, touches):  # type: ignore[no-untyped-def]
-    """``touches``: True at the labels of pixels in a window."""
-    for y in range(top, bottom):
-        for x in range(left, right):
-            touches[labels[y, x]] |= mask[y, x]
+def _candidates(
+    patches: list[Patch], field: MotionField, size: tuple[int, ...], names: list[int],
+) -> list[Candidate]:
+    """What each patch of an image of this height and width is, and how it moves; names: of their neurons."""
+    boxes = np.array([(each.box.left, each.box.top, each.box.right, each.box.bottom) for each in patches]).reshape(-1, 4)
+    cells = cells_of(boxes, field.residual.shape[:2], size)
+    motions, sigmas, known = field.object_motions(cells)
+    around = field.known_around(cells)
+    centres, sizes = (boxes[:, :2] + boxes[:, 2:]) / (2.0 * field.scale), (boxes[:, 2:] - boxes[:, :2]) / field.scale
+    velocities = motions.astype(np.float64) / field.seconds
+    odds = [log_odds(patch.pixels / size[1] ** 2, *figures) for patch, *figures in zip(
+        patches, sigmas.tolist(), known.tolist(), around.tolist(), strict=True)]
+    return [Candidate(centre, extent, velocity, patch.pixels / field.scale ** 2, likely, name)
+            for centre, extent, velocity, patch, likely, name in zip(
+                centres, sizes, velocities, patches, odds, names, strict=True)]

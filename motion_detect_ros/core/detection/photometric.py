@@ -17,7 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from motion_detect_ros.core.detection.image_pair import BESIDE_PX, ImagePair, mean_errors
+from motion_detect_ros.core.detection.enlarging import enlarge_row, find_columns
+from motion_detect_ros.core.detection.image_pair import ImagePair
+from motion_detect_ros.core.detection.prediction_errors import (
+    BESIDE_PX, PredictionErrors, row_errors, row_means)
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import BoolArray, FloatArray
@@ -27,34 +30,47 @@ SLACK_PX = 5
 
 
 @dataclass(frozen=True)
+class BackgroundMotion:
+    """``flow``: (gh, gw, 2) beyond the ego-motion on a grid over the image, pixels over the pair, (1, 1, 2) where it is
+    the same everywhere; ``errors``: under it.
+    """
+
+    flow: FloatArray
+    errors: PredictionErrors
+
+
+@dataclass(frozen=True)
 class PhotometricTest:
-    """``foreground``: (h, w) mask of the moving object; ``gain``: (h, w) likelihood gain."""
+    """``foreground``: (h, w) mask of the moving object; ``gain``: (h, w) likelihood gain, 0 where the background alone
+    explains a pixel.
+    """
 
     foreground: BoolArray
     gain: FloatArray
 
 
 def photometric_test(
-    pair: ImagePair, region: Box, window: Box, background_flow: FloatArray, motion: FloatArray, noise_gray: float,
+    pair: ImagePair, background: BackgroundMotion, region: Box, reach: int, motion: FloatArray, noise_gray: float,
     threshold_sigma: float,
 ) -> PhotometricTest:
     """Which pixels of ``region`` the motion explains better than the background, by ``threshold_sigma`` noise levels.
 
-    window: where errors are computed, ``region`` and the origins of its pixels around it (``reach_px``); pixels with an
-    origin outside of it count as background. background_flow: (2,) or (h, w, 2) of ``window``, motion: (2,), both
-    pixels over the pair, beyond the ego-motion; noise_gray: one deviation.
+    reach: how far beyond the region origins of its pixels may be (``reach_px``), to where the errors of ``background``
+    are known; pixels with an origin farther away count as background. motion: (2,) pixels over the pair, beyond the
+    ego-motion; noise_gray: one deviation.
     """
-    flow = background_flow.reshape(1, 1, 2) if background_flow.ndim == 1 else background_flow
-    around = Box(max(region.left - BESIDE_PX, window.left), max(region.top - BESIDE_PX, window.top),
-                 min(region.right + BESIDE_PX, window.right), min(region.bottom + BESIDE_PX, window.bottom))
+    height, width = pair.current.shape
+    around, window, known = region.grown(BESIDE_PX, width, height), region.grown(reach, width, height), background.errors
     foreground = np.zeros((region.height, region.width), np.bool_)
-    gain, longest = np.empty(foreground.shape, np.float32), max(window.width, around.width)
-    _compare(*pair.pictures, pair.back, window.left, window.top, around.left, around.top, region.left, region.top,
-             flow, motion.reshape(1, 1, 2), np.float32(noise_gray ** 2),
-             np.float32((noise_gray * threshold_sigma) ** 2), np.float32(threshold_sigma ** 2),
-             np.empty((2, longest), np.float32), np.empty(longest, np.uint32), np.empty((4, longest), np.uint8),
-             np.empty((3, longest), np.float32), np.empty((window.height, window.width), np.float32),
-             np.empty((around.height, around.width), np.float32), foreground, gain)
+    gain, longest = np.empty(foreground.shape, np.float32), max(window.width, around.width) + 2 * BESIDE_PX
+    _compare(*pair.pictures, pair.back, known.values, known.box.left, known.box.top, region.left, region.top,
+             around.left, around.top, window.left, window.top, window.right, window.bottom, background.flow, motion,
+             np.float32(noise_gray ** 2), np.float32((noise_gray * threshold_sigma) ** 2),
+             np.float32(threshold_sigma ** 2), np.empty((2, longest), np.uint32), np.empty((4, longest), np.uint8),
+             np.empty((9, longest), np.float32), np.empty(longest, np.int32),
+             np.empty((around.height, around.width), np.uint16), np.empty((around.height, 2), np.int64),
+             np.empty((*foreground.shape, 2), np.int32), np.empty((window.height, window.width), np.bool_), foreground,
+             gain)
     if pair.mask is not None:
         foreground &= pair.mask[region.top:region.bottom, region.left:region.right]
     return PhotometricTest(foreground, gain)
@@ -70,53 +86,141 @@ def reach_px(object_motion: FloatArray) -> int:
 
 @kernel()
 def _compare(  # type: ignore[no-untyped-def]
-    current, reference, back, window_left, window_top, around_left, around_top, left, top, flow, motion, noise, change,
-    threshold, place, corner, corners, sums, still, moved, mask, gain,
+    current, reference, back, errors, errors_left, errors_top, left, top, around_left, around_top, window_left,
+    window_top, window_right, window_bottom, flow, motion, noise, change, threshold, indices, corners, rows, sums,
+    moved, spans, origins, over, mask, gain,
 ):
-    """``mask`` and ``gain`` of a region at left, top as ``_explained``; the boxes of ``still`` and ``moved`` are at
-    window_left, window_top and at around_left, around_top. motion: (1, 1, 2); the rest as ``mean_errors``.
+    """``mask``: pixels of a region at left, top with a gain over ``threshold`` and a change at their origin, which is
+    in the window; ``gain``: over ``noise``, 0 where the background leaves no more than ``threshold``.
+
+    errors: of the background, at errors_left, errors_top, known in the window and beside it; motion: (2,); change: mean
+    error from which the image changed; mask: False; scratch: moved, spans: (., .) uint16 and (., 2) of the region and
+    what is beside it, at around_left, around_top; origins: (h, w, 2) int32; over: as large as the window; indices: (2,
+    .) uint32, corners: (4, .) uint8, rows: (9, .), sums: (.,) int32 of w + 2 and more.
     """
-    mean_errors(current, reference, back, window_left, window_top, flow, place, corner, corners, sums, still)
-    mean_errors(current, reference, back, around_left, around_top, motion, place, corner, corners, sums, moved)
-    _explained(still, left - window_left, top - window_top, moved, left - around_left, top - around_top, flow,
-               motion[0, 0], noise, change, threshold, mask, gain)
+    right, down = left - around_left, top - around_top
+    _fill_spans(errors, left - errors_left, top - errors_top, right, down, noise, threshold, sums, gain, spans)
+    _fill_moved(current, reference, back, around_left, around_top, motion, indices[0], corners, rows, spans, moved)
+    _fill_gains(moved, right, down, noise, threshold, spans, sums, rows[0], mask, gain)
+    first_x, last_x, first_y, last_y = _fill_origins(
+        flow, left, top, window_left, window_top, window_right, window_bottom, motion, current.shape, right, down,
+        spans, indices[1], rows, mask, origins)
+    if last_x < first_x:
+        return
+    slack = SLACK_PX // 2
+    first_x, last_x = max(window_left, first_x - slack), min(window_right, last_x + slack + 1)
+    first_y, last_y = max(window_top, first_y - slack), min(window_bottom, last_y + slack + 1)
+    means = rows[0, :last_x - first_x]
+    for row in range(first_y, last_y):
+        row_means(errors, row - errors_top, first_x - errors_left, sums, means)
+        for n in range(len(means)):
+            over[row - window_top, first_x - window_left + n] = means[n] > change
+    for r in range(mask.shape[0]):
+        for c in range(mask.shape[1]):
+            if mask[r, c]:
+                column, row = origins[r, c, 0], origins[r, c, 1]
+                mask[r, c] = _any(over, max(window_top, row - slack) - window_top,
+                                  min(window_bottom, row + slack + 1) - window_top,
+                                  max(window_left, column - slack) - window_left,
+                                  min(window_right, column + slack + 1) - window_left)
 
 
 @kernel(error_model='numpy')
-def _explained(  # type: ignore[no-untyped-def]
-    still, left, top, moved, moved_left, moved_top, flow, motion, noise, change, threshold, mask, gain,
+def _fill_spans(  # type: ignore[no-untyped-def]
+    errors, left, top, right, down, noise, threshold, sums, gain, spans,
 ):
-    """``mask``: pixels of a box with a gain over ``threshold`` and a change at their origin; ``gain`` over ``noise``.
-
-    still: (h, w) mean squared errors under the background flow, the box is at left, top of it; moved: under the
-    object's motion; flow: (h, w, 2) or (1, 1, 2); change: value of the first from which the image changed; mask: False.
+    """``gain``: (h, w) background's mean errors at left, top of those, where they are over ``threshold``, else 0;
+    ``spans``: (., 2) first of those in each row and one beyond the last, in a box that the region is right, down in.
     """
-    height, width = still.shape
-    rows, columns = mask.shape
-    for r in range(rows):
-        first, second = still[top + r, left:left + columns], moved[moved_top + r, moved_left:moved_left + columns]
-        gains = gain[r]
-        for c in range(columns):
-            gains[c] = (first[c] - second[c]) / noise
-        for c in range(columns):
-            if not gains[c] > threshold:
-                continue
-            behind = flow[min(top + r, flow.shape[0] - 1), min(left + c, flow.shape[1] - 1)]
-            x = np.float32(left + c) - (motion[0] - behind[0])
-            y = np.float32(top + r) - (motion[1] - behind[1])
-            if -1.0 < x < width and -1.0 < y < height:
-                mask[r, c] = _changed(still, int(np.rint(x)), int(np.rint(y)), change)
+    height, width = gain.shape
+    for q in range(len(spans)):
+        spans[q, 0], spans[q, 1] = right + width, 0
+    for r in range(height):
+        means = gain[r]
+        row_means(errors, top + r, left, sums, means)
+        for c in range(width):
+            means[c] = means[c] if means[c] / noise > threshold else np.float32(0.0)
+        first, last = 0, width
+        while first < width and means[first] == 0.0:
+            first += 1
+        while last > first and means[last - 1] == 0.0:
+            last -= 1
+        if first < last:
+            spans[down + r, 0], spans[down + r, 1] = right + first, right + last
 
 
 @kernel()
-def _changed(errors, column, row, change):  # type: ignore[no-untyped-def]
-    """Whether an error of (h, w) near a pixel is over ``change``; False beyond the border."""
-    height, width = errors.shape
-    slack = SLACK_PX // 2
-    if not (0 <= column < width and 0 <= row < height):
-        return False
-    for r in range(max(0, row - slack), min(height, row + slack + 1)):
-        for c in range(max(0, column - slack), min(width, column + slack + 1)):
-            if errors[r, c] > change:
+def _fill_moved(  # type: ignore[no-untyped-def]
+    current, reference, back, left, top, motion, corner, corners, rows, spans, moved,
+):
+    """``moved``: (h, w) errors under a motion at left, top of the current image, in the spans and beside them."""
+    height, width = moved.shape
+    for q in range(height):
+        start, end = spans[q, 0], spans[q, 1]
+        for n in (max(q - 1, 0), min(q + 1, height - 1)):
+            start, end = min(start, spans[n, 0]), max(end, spans[n, 1])
+        start, end = max(start - BESIDE_PX, 0), min(end + BESIDE_PX, width)
+        if start < end:
+            row_errors(current, reference, back, left + start, top + q, motion[:1], motion[1:], rows, corner, corners,
+                       moved[q, start:end])
+
+
+@kernel(error_model='numpy')
+def _fill_gains(moved, right, down, noise, threshold, spans, sums, means, mask, gain):  # type: ignore[no-untyped-def]
+    """``gain``: (h, w) from the background's errors there, at right, down of ``moved``; ``mask``: over ``threshold``.
+
+    sums: (w + 2 or more,) int32; means: (w or more,).
+    """
+    for r in range(len(gain)):
+        start, end = spans[down + r, 0], spans[down + r, 1]
+        if start >= end:
+            continue
+        mean, gains, passed = means[:end - start], gain[r, start - right:end - right], mask[r, start - right:end - right]
+        row_means(moved, down + r, start, sums, mean)
+        for c in range(len(mean)):
+            gains[c] = (gains[c] - mean[c]) / noise if gains[c] > 0.0 else np.float32(0.0)
+        for c in range(len(mean)):
+            passed[c] = gains[c] > threshold
+
+
+@kernel()
+def _fill_origins(  # type: ignore[no-untyped-def]
+    flow, left, top, window_left, window_top, window_right, window_bottom, motion, size, right, down, spans, west, rows,
+    mask, origins,
+):
+    """``origins``: column and row where each pixel of ``mask``, (h, w) at left, top, was before it moved by ``motion``
+    beyond the flow; ``mask`` is cleared where that is not in the window. Returns the first and the last column and row.
+    """
+    (height, width), above = mask.shape, -1
+    west, share, line, lines = west[:width], rows[8, :width], rows[2:4], rows[4:8]
+    first_x, last_x, first_y, last_y = window_right, window_left - 1, window_bottom, window_top - 1
+    find_columns(left, flow.shape[1], size[1], west, share)
+    for r in range(height):
+        start, end = spans[down + r, 0] - right, spans[down + r, 1] - right
+        if start >= end or not mask[r, start:end].any():
+            continue
+        above = enlarge_row(flow, top + r, size[0], west, share, above, lines, line)
+        for c in range(start, end):
+            if not mask[r, c]:
+                continue
+            x = np.float32(left + c) - (motion[0] - line[0, c])
+            y = np.float32(top + r) - (motion[1] - line[1, c])
+            column, row = -1, -1
+            if window_left - 1.0 < x < window_right and window_top - 1.0 < y < window_bottom:
+                column, row = int(np.rint(x)), int(np.rint(y))
+            mask[r, c] = window_left <= column < window_right and window_top <= row < window_bottom
+            if mask[r, c]:
+                origins[r, c, 0], origins[r, c, 1] = column, row
+                first_x, last_x = min(first_x, column), max(last_x, column)
+                first_y, last_y = min(first_y, row), max(last_y, row)
+    return first_x, last_x, first_y, last_y
+
+
+@kernel()
+def _any(values, top, bottom, left, right):  # type: ignore[no-untyped-def]
+    """Whether one of a window is True."""
+    for r in range(top, bottom):
+        for c in range(left, right):
+            if values[r, c]:
                 return True
     return False
