@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from motion_detect_ros.core.background.planar import Background
-from motion_detect_ros.core.detection.segments import Segment
+from motion_detect_ros.core.detection.segments import Segment, cells_of_all
 from motion_detect_ros.core.geometry.order_statistics import median
 from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.kernels import kernel
@@ -45,10 +45,10 @@ class MotionField:
 
     def motions_of(self, segments: Sequence[Segment]) -> FloatArray:
         """(n, 2, 2) median motions of segments beyond the ego-motion, and against the background, working pixels."""
-        motions, ends = np.empty((len(segments), 4), np.float32), np.cumsum([len(each.rows) for each in segments])
-        _median_motions(self.residual, self.background.flow, np.concatenate([each.rows for each in segments]),
-                        np.concatenate([each.columns for each in segments]), ends,
-                        np.empty((4, ends[-1]), np.float32), motions)
+        rows, columns, starts = cells_of_all(segments)
+        motions = np.empty((len(segments), 4), np.float32)
+        _median_motions(self.residual, self.background.flow, rows, columns, starts,
+                        np.empty((4, starts[-1]), np.float32), motions)
         return (motions * np.float32(self.scale)).reshape(-1, 2, 2)
 
     def object_motions(self, windows: Windows) -> tuple[FloatArray, DoubleArray, DoubleArray]:
@@ -97,20 +97,18 @@ def _areas(windows: Windows) -> npt.NDArray[np.int64]:
 
 
 @kernel()
-def _median_motions(residual, flow, rows, columns, ends, cells, motions):  # type: ignore[no-untyped-def]
-    """``motions``: (n, 4) median over the cells of each segment, which end at ``ends`` (n,), of the residual, and of
-    what is left of it beyond the background's flow; cells: (4, .) for all of them.
+def _median_motions(residual, flow, rows, columns, starts, cells, motions):  # type: ignore[no-untyped-def]
+    """``motions``: (n, 4) median over the cells of each segment, which begin at ``starts`` (n + 1,), of the residual,
+    and of what is left of it beyond the background's flow; cells: (4, .) for all of them.
     """
-    start = 0
-    for number in range(len(ends)):
-        end = ends[number]
+    for number in range(len(motions)):
+        start, end = starts[number], starts[number + 1]
         for n in range(start, end):
             for axis in range(2):
                 own = residual[rows[n], columns[n], axis]
                 cells[axis, n], cells[2 + axis, n] = own, own - flow[rows[n], columns[n], axis]
         for which in range(4):
             motions[number, which] = median(cells[which, start:end])
-        start = end
 
 
 @kernel()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -13,12 +12,12 @@ from motion_detect_ros.core.config import ObjectsConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.image_pair import ImagePair, image_noise
 from motion_detect_ros.core.detection.motion_field import MotionField, cells_of
-from motion_detect_ros.core.detection.patches import Patch, joined_patches, parted_patch, whole_body
+from motion_detect_ros.core.detection.patches import Patch, parted_patch
 from motion_detect_ros.core.detection.photometric import (
-    BackgroundMotion, PhotometricTest, photometric_test, reach_px)
+    BackgroundMotion, PhotometricTest, Place, photometric_tests, reach_px)
 from motion_detect_ros.core.detection.prediction_errors import PredictionErrors
 from motion_detect_ros.core.detection.scoring import log_odds
-from motion_detect_ros.core.detection.segment_patches import CellEdges, strong_patches
+from motion_detect_ros.core.detection.segment_patches import CellEdges, JoinLimits, segment_patches
 from motion_detect_ros.core.detection.segments import Segment
 from motion_detect_ros.core.detection.several_objects import LARGER, UsualSize
 from motion_detect_ros.core.geometry.boxes import Box
@@ -43,17 +42,6 @@ BODY_SHARE = 0.15
 LEAST_OBJECTS = 10
 #: Fewest segments worth a thread.
 LEAST_SEGMENTS = 20
-
-
-@dataclass(frozen=True)
-class _Place:
-    """``region`` that the object of a segment may cover: of fast objects flow is known on a part only; ``reach``: from
-    there to where its pixels come from, ``motion``: (2,) beyond the ego-motion, working-resolution pixels.
-    """
-
-    region: Box
-    reach: int
-    motion: FloatArray
 
 
 def is_allowed(sides: Sequence[float], image_area: int, config: ObjectsConfig) -> bool:
@@ -86,64 +74,59 @@ class ObjectFinder:
         grid, (height, width) = field.residual.shape[:2], pair.current.shape
         background_flow = field.background.flow * np.float32(field.scale)
         noise_gray = image_noise(pair, grid_points(*grid, width, height), background_flow)
-        places = [self._place(segment, field, motion, against, width, height)
+        places = [_place(segment, field, motion, against, width, height)
                   for segment, (motion, against) in zip(segments, field.motions_of(segments), strict=True)]
         background = BackgroundMotion(background_flow, PredictionErrors.near(
             pair, [each.region.grown(each.reach, width, height) for each in places], background_flow))
-        edges, count = CellEdges.of(grid, (height, width)), HELPERS.parts(len(segments), LEAST_SEGMENTS)
-        patches: list[list[Patch]] = [[] for _ in segments]
-
-        def every(first: int) -> None:  # the largest segments are neighbours in the list
-            for n in range(first, len(segments), count):
-                place = places[n]
-                test = photometric_test(pair, background, place.region, place.reach, place.motion, noise_gray,
-                                        self._config.photometric_sigma)
-                found = strong_patches(test, place.region, segments[n], edges, self._config)
-                patches[n] = self._objects(found, segments[n], place.region, test, field, width, height)
-
-        HELPERS.share(every, range(count))
+        parts = HELPERS.parts(len(segments), LEAST_SEGMENTS)
+        tests = photometric_tests(pair, background, places, noise_gray, self._config.photometric_sigma, parts)
+        limits = self._limits(width * height) if field.background.smooth else JoinLimits()
+        patches = segment_patches(tests, segments, CellEdges.of(grid, (height, width)), self._config, limits, parts)
+        if field.background.smooth:  # before one in space the test reaches far beside the segment, where flow leaks
+            patches = [self._parted(each, segments[n], tests[n], places[n].region, grid, (height, width))
+                       for n, each in enumerate(patches)]
+        patches = [[patch.moved(place.region.left, place.region.top) for patch in each
+                    if is_allowed((patch.box.width, patch.box.height), width * height, self._config)]
+                   for each, place in zip(patches, places, strict=True)]
         found = _candidates([patch for each in patches for patch in each], field, (height, width), [
             int(names[segment.neuron]) for segment, each in zip(segments, patches, strict=True) for _ in each])
         self._usual.add([float(each.size.prod()) * field.scale ** 2 for each in found if each.log_odds > 0.0],
                         stamp_ns)
         return found
 
-    @staticmethod
-    def _place(
-        segment: Segment, field: MotionField, motion: FloatArray, against: FloatArray, width: int, height: int,
-    ) -> _Place:
-        """Where a segment's object is looked for in a ``width`` x ``height`` image.
+    def _limits(self, image_area: int) -> JoinLimits:
+        return JoinLimits(self._body_share * image_area, self._config.max_area_share * image_area,
+                          NEAR_SHARE * image_area)
 
-        motion, against: (2,) beyond the ego-motion, and against the background.
-        """
-        reach = reach_px(against)
-        rows, columns = field.residual.shape[:2]
-        cells = segment.box
-        box = Box(cells.left * width // columns, cells.top * height // rows,
-                  -(-cells.right * width // columns), -(-cells.bottom * height // rows))
-        margin = MARGIN_PX + reach
-        if not field.background.smooth:
-            margin = max(margin, round(SPACE_MARGIN_SHARE * min(box.width, box.height)))
-        return _Place(box.grown(margin, width, height), reach, motion)
-
-    def _objects(
-        self, found: list[Patch], segment: Segment, region: Box, test: PhotometricTest, field: MotionField, width: int,
-        height: int,
+    def _parted(
+        self, patches: list[Patch], segment: Segment, test: PhotometricTest, region: Box, grid: tuple[int, int],
+        size: tuple[int, int],
     ) -> list[Patch]:
-        """Patches of whole objects, pixels of the ``width`` x ``height`` image, from those of a segment; test: of the
-        region.
-        """
-        near_area, usual_area = math.inf, None
-        if field.background.smooth:  # before one in space the test reaches far beside the segment, where flow leaks
-            near_area, usual_area = NEAR_SHARE * width * height, self._usual.area
-            found = whole_body(found, self._body_share * width * height, self._config.max_area_share * width * height)
-        found = joined_patches(found, near_area)
-        if usual_area is not None and any(LARGER * usual_area <= patch.box.area < near_area for patch in found):
-            own = segment.pixels(region, field.residual.shape[:2], (height, width))
-            found = [part for patch in found
-                     for part in parted_patch(patch, test.foreground, own, usual_area, near_area)]
-        return [patch.moved(region.left, region.top) for patch in found
-                if is_allowed((patch.box.width, patch.box.height), width * height, self._config)]
+        """Those of a segment, each of what holds several objects; grid, size: rows and columns, height and width."""
+        usual_area, near_area = self._usual.area, NEAR_SHARE * math.prod(size)
+        if usual_area is None or not any(LARGER * usual_area <= patch.box.area < near_area for patch in patches):
+            return patches
+        own = segment.pixels(region, grid, size)
+        return [part for patch in patches
+                for part in parted_patch(patch, test.foreground, own, usual_area, near_area)]
+
+
+def _place(
+    segment: Segment, field: MotionField, motion: FloatArray, against: FloatArray, width: int, height: int,
+) -> Place:
+    """Where a segment's object is looked for in a ``width`` x ``height`` image: of fast ones flow is known on a part only.
+
+    motion, against: (2,) beyond the ego-motion, and against the background.
+    """
+    reach = reach_px(against)
+    rows, columns = field.residual.shape[:2]
+    cells = segment.box
+    box = Box(cells.left * width // columns, cells.top * height // rows,
+              -(-cells.right * width // columns), -(-cells.bottom * height // rows))
+    margin = MARGIN_PX + reach
+    if not field.background.smooth:
+        margin = max(margin, round(SPACE_MARGIN_SHARE * min(box.width, box.height)))
+    return Place(box.grown(margin, width, height), reach, motion)
 
 
 def _candidates(

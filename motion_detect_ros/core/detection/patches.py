@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache, reduce
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from motion_detect_ros.core.detection.several_objects import halves
 from motion_detect_ros.core.geometry.boxes import Box
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.types import BoolArray, ByteArray
 
 #: Largest area of the box around two parts of one object, over the sum of the areas of their own boxes.
@@ -41,14 +42,16 @@ class Patch:
         return Patch(self.box.moved(right, down), self.pixels)
 
 
-def connected_pixels(mask: BoolArray, closing_px: int) -> tuple[int, npt.NDArray[np.int32]]:
+def connected_pixels(
+    mask: BoolArray, closing_px: int, labels: npt.NDArray[np.int32] | None = None,
+) -> tuple[int, npt.NDArray[np.int32]]:
     """Connected-component labelling after morphological closing with an ellipse of ``closing_px``.
 
-    Even sizes are rounded up: with them OpenCV shifts the mask.
+    Even sizes are rounded up: with them OpenCV shifts the mask. labels: (h, w) to fill.
     Returns the number of labels, background label 0 included, and (h, w) labels, meaningful where ``mask`` is True.
     """
     closed = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_CLOSE, _ellipse(closing_px | 1))
-    count, labels = cv2.connectedComponents(closed, connectivity=8)
+    count, labels = cv2.connectedComponents(closed, labels, connectivity=8)
     return count, labels
 
 
@@ -56,44 +59,6 @@ def connected_pixels(mask: BoolArray, closing_px: int) -> tuple[int, npt.NDArray
 def _ellipse(size_px: int) -> ByteArray:
     kernel: ByteArray = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size_px, size_px))
     return kernel
-
-
-def whole_body(patches: list[Patch], least_area: float, most_area: float) -> list[Patch]:
-    """One patch of all, where their common box has at least and at most such areas, square pixels; else as they are."""
-    if len(patches) < 2:
-        return patches
-    box = reduce(Box.union, (patch.box for patch in patches))
-    if not least_area <= box.area <= most_area:
-        return patches
-    return [Patch(box, sum(patch.pixels for patch in patches))]
-
-
-def joined_patches(patches: list[Patch], near_area: float = math.inf) -> list[Patch]:
-    """Joins patches that are parts of one object, repeatedly.
-
-    Two are joined where their gap is at most ``GAP_SHARE`` of the smaller one's size, and their common box is hardly
-    larger than their own together: front and back of a car are, two cars side by side are not. From an area of
-    ``near_area`` square pixels on, the common box may be as much larger as ``NEAR_SPREAD`` says.
-    """
-    done: list[Patch] = []
-    waiting = list(patches)
-    while waiting:
-        patch = waiting.pop()
-        part = next((other for other in done if _close(patch, other, near_area)), None)
-        if part is None:
-            done.append(patch)
-        else:
-            done.remove(part)
-            waiting.append(Patch(patch.box.union(part.box), patch.pixels + part.pixels))
-    return done
-
-
-def _close(a: Patch, b: Patch, near_area: float) -> bool:
-    areas = a.box.area, b.box.area
-    if a.box.gap(b.box) > GAP_SHARE * math.sqrt(min(areas)):  # of most pairs
-        return False
-    common = a.box.union(b.box).area
-    return common <= (MAX_SPREAD if common < near_area else NEAR_SPREAD) * sum(areas)
 
 
 def parted_patch(
@@ -124,3 +89,63 @@ def parted_patch(
         there = Box(box.left + int(left), box.top + int(top), box.left + int(right), box.top + int(bottom))
         found += parted_patch(Patch(there, int(half.mean() * patch.pixels)), foreground, own, usual_area, near_area)
     return found
+
+
+@kernel()
+def join_patches(patches, least_area, most_area, near_area, done):  # type: ignore[no-untyped-def]
+    """First rows of ``patches``, (n, 5) left, top, right, bottom, pixels: those that are parts of one object are joined,
+    repeatedly; returns their number. done: (n, 5) scratch.
+
+    All are one where the area of the box around them is ``least_area`` to ``most_area``. Else two are joined where
+    their gap is at most ``GAP_SHARE`` of the smaller one's size, and their common box is hardly larger than their own
+    together: front and back of a car are, two cars side by side are not. From an area of ``near_area`` on, the common
+    box may be as much larger as ``NEAR_SPREAD`` says.
+    """
+    waiting, count = len(patches), 0
+    if waiting < 2:
+        return waiting
+    done[0] = patches[0]
+    for n in range(1, waiting):
+        _unite(done[0], patches[n])
+    if least_area <= _area(done[0]) <= most_area:
+        patches[0] = done[0]
+        return 1
+    while waiting > 0:
+        waiting -= 1
+        patch, part = patches[waiting], 0
+        while part < count and not _close(patch, done[part], near_area):
+            part += 1
+        if part == count:
+            done[count] = patch
+            count += 1
+            continue
+        _unite(patch, done[part])
+        waiting, count = waiting + 1, count - 1
+        for n in range(part, count):
+            done[n] = done[n + 1]
+    patches[:count] = done[:count]
+    return count
+
+
+@kernel()
+def _area(patch):  # type: ignore[no-untyped-def]
+    return (patch[2] - patch[0]) * (patch[3] - patch[1])
+
+
+@kernel()
+def _unite(patch, other):  # type: ignore[no-untyped-def]
+    """Makes a patch, (5,), one with another one."""
+    for side in range(2):
+        patch[side], patch[2 + side] = min(patch[side], other[side]), max(patch[2 + side], other[2 + side])
+    patch[4] += other[4]
+
+
+@kernel()
+def _close(a, b, near_area):  # type: ignore[no-untyped-def]
+    """Whether two patches, (5,), are parts of one object."""
+    one, other = _area(a), _area(b)
+    gap = max(a[0] - b[2], b[0] - a[2], a[1] - b[3], b[1] - a[3])
+    if gap > GAP_SHARE * math.sqrt(min(one, other)):  # of most pairs
+        return False
+    common = (max(a[2], b[2]) - min(a[0], b[0])) * (max(a[3], b[3]) - min(a[1], b[1]))
+    return common <= (MAX_SPREAD if common < near_area else NEAR_SPREAD) * (one + other)

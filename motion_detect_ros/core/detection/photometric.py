@@ -13,9 +13,11 @@ nothing changed.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from motion_detect_ros.core.detection.enlarging import enlarge_row, find_columns
 from motion_detect_ros.core.detection.image_pair import ImagePair
@@ -23,6 +25,7 @@ from motion_detect_ros.core.detection.prediction_errors import (
     BESIDE_PX, PredictionErrors, row_errors, row_means)
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.kernels import kernel
+from motion_detect_ros.core.threads import HELPERS
 from motion_detect_ros.core.types import BoolArray, FloatArray
 
 #: Window in which a change at the origin is searched, pixels.
@@ -40,6 +43,17 @@ class BackgroundMotion:
 
 
 @dataclass(frozen=True)
+class Place:
+    """``region`` that an object may cover; ``reach``: how far beyond it its pixels may come from (``reach_px``), those
+    from farther away count as background; ``motion``: (2,) over the pair, beyond the ego-motion; working pixels.
+    """
+
+    region: Box
+    reach: int
+    motion: FloatArray
+
+
+@dataclass(frozen=True)
 class PhotometricTest:
     """``foreground``: (h, w) mask of the moving object; ``gain``: (h, w) likelihood gain, 0 where the background alone
     explains a pixel.
@@ -49,31 +63,57 @@ class PhotometricTest:
     gain: FloatArray
 
 
-def photometric_test(
-    pair: ImagePair, background: BackgroundMotion, region: Box, reach: int, motion: FloatArray, noise_gray: float,
-    threshold_sigma: float,
-) -> PhotometricTest:
-    """Which pixels of ``region`` the motion explains better than the background, by ``threshold_sigma`` noise levels.
-
-    reach: how far beyond the region origins of its pixels may be (``reach_px``), to where the errors of ``background``
-    are known; pixels with an origin farther away count as background. motion: (2,) pixels over the pair, beyond the
-    ego-motion; noise_gray: one deviation.
+@dataclass(frozen=True)
+class PhotometricTests:
+    """Those of several regions. ``boxes``: (n, 4) left, top, right, bottom of them; ``starts``: (n + 1,) where the
+    pixels of each begin in ``foreground`` and ``gain``.
     """
-    height, width = pair.current.shape
-    around, window, known = region.grown(BESIDE_PX, width, height), region.grown(reach, width, height), background.errors
-    foreground = np.zeros((region.height, region.width), np.bool_)
-    gain, longest = np.empty(foreground.shape, np.float32), max(window.width, around.width) + 2 * BESIDE_PX
-    _compare(*pair.pictures, pair.back, known.values, known.box.left, known.box.top, region.left, region.top,
-             around.left, around.top, window.left, window.top, window.right, window.bottom, background.flow, motion,
-             np.float32(noise_gray ** 2), np.float32((noise_gray * threshold_sigma) ** 2),
-             np.float32(threshold_sigma ** 2), np.empty((2, longest), np.uint32), np.empty((4, longest), np.uint8),
-             np.empty((9, longest), np.float32), np.empty(longest, np.int32),
-             np.empty((around.height, around.width), np.uint16), np.empty((around.height, 2), np.int64),
-             np.empty((*foreground.shape, 2), np.int32), np.empty((window.height, window.width), np.bool_), foreground,
-             gain)
+
+    boxes: npt.NDArray[np.int64]
+    starts: npt.NDArray[np.int64]
+    foreground: BoolArray
+    gain: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.boxes)
+
+    def __getitem__(self, index: int) -> PhotometricTest:
+        left, top, right, bottom = self.boxes[index].tolist()
+        shape, there = (bottom - top, right - left), slice(self.starts[index], self.starts[index + 1])
+        return PhotometricTest(self.foreground[there].reshape(shape), self.gain[there].reshape(shape))
+
+
+def photometric_tests(
+    pair: ImagePair, background: BackgroundMotion, places: Sequence[Place], noise_gray: float, threshold_sigma: float,
+    parts: int = 1,
+) -> PhotometricTests:
+    """Which pixels of each place its motion explains better than the background, by ``threshold_sigma`` noise levels.
+
+    Errors of ``background`` are known within the places' reach; noise_gray: one deviation; parts: threads.
+    """
+    boxes = np.array([(*astuple(each.region), each.reach) for each in places])
+    motions = np.stack([each.motion for each in places])
+    sides, known = boxes[:, 2:4] - boxes[:, :2], background.errors
+    starts = np.concatenate([[0], np.cumsum(sides.prod(axis=1))])
+    foreground, gain = np.zeros(starts[-1], np.bool_), np.empty(starts[-1], np.float32)
+    reach = 2 * np.maximum(boxes[:, 4:], BESIDE_PX) + 2 * BESIDE_PX
+    (width, height), area = (sides + reach).max(axis=0).tolist(), int((sides + reach).prod(axis=1).max())
+
+    def every(first: int) -> None:
+        _compare_all(*pair.pictures, pair.back, known.values, known.box.left, known.box.top, boxes, background.flow,
+                     motions, np.float32(noise_gray ** 2), np.float32((noise_gray * threshold_sigma) ** 2),
+                     np.float32(threshold_sigma ** 2), first, parts, np.empty((2, width), np.uint32),
+                     np.empty((4, width), np.uint8), np.empty((9, width), np.float32), np.empty(width, np.int32),
+                     np.empty(area, np.uint16), np.empty((height, 2), np.int64), np.empty(2 * area, np.int32),
+                     np.empty(area, np.bool_), starts, foreground, gain)
+
+    HELPERS.share(every, range(parts))
+    tests = PhotometricTests(boxes[:, :4], starts, foreground, gain)
     if pair.mask is not None:
-        foreground &= pair.mask[region.top:region.bottom, region.left:region.right]
-    return PhotometricTest(foreground, gain)
+        for n, place in enumerate(places):
+            region, mask = place.region, tests[n].foreground
+            mask &= pair.mask[region.top:region.bottom, region.left:region.right]
+    return tests
 
 
 def reach_px(object_motion: FloatArray) -> int:
@@ -85,13 +125,37 @@ def reach_px(object_motion: FloatArray) -> int:
 
 
 @kernel()
+def _compare_all(  # type: ignore[no-untyped-def]
+    current, reference, back, errors, errors_left, errors_top, boxes, flow, motions, noise, change, threshold, first,
+    step, indices, corners, rows, sums, moved, spans, origins, over, starts, masks, gains,
+):
+    """``masks``, ``gains``: (.,) of every ``step``-th of the regions ``boxes``, (n, 5) left, top, right, bottom, reach,
+    whose pixels begin at ``starts``, (n + 1,); motions: (n, 2); scratch as ``_compare``, for the largest.
+    """
+    height, width = current.shape
+    for n in range(first, len(boxes), step):
+        left, top, right, bottom, reach = boxes[n]
+        window = max(0, left - reach), max(0, top - reach), min(width, right + reach), min(height, bottom + reach)
+        around_left, around_top = max(0, left - BESIDE_PX), max(0, top - BESIDE_PX)
+        wide, high = min(width, right + BESIDE_PX) - around_left, min(height, bottom + BESIDE_PX) - around_top
+        shape = bottom - top, right - left
+        area, start, end = shape[0] * shape[1], starts[n], starts[n + 1]
+        beyond = (window[3] - window[1]) * (window[2] - window[0])
+        _compare(current, reference, back, errors, errors_left, errors_top, left, top, around_left, around_top, window,
+                 flow, motions[n], noise, change, threshold, indices, corners, rows, sums,
+                 moved[:wide * high].reshape(high, wide), spans[:high], origins[:2 * area].reshape(shape[0], shape[1], 2),
+                 over[:beyond].reshape(window[3] - window[1], window[2] - window[0]),
+                 masks[start:end].reshape(shape), gains[start:end].reshape(shape))
+
+
+@kernel()
 def _compare(  # type: ignore[no-untyped-def]
-    current, reference, back, errors, errors_left, errors_top, left, top, around_left, around_top, window_left,
-    window_top, window_right, window_bottom, flow, motion, noise, change, threshold, indices, corners, rows, sums,
-    moved, spans, origins, over, mask, gain,
+    current, reference, back, errors, errors_left, errors_top, left, top, around_left, around_top, window, flow, motion,
+    noise, change, threshold, indices, corners, rows, sums, moved, spans, origins, over, mask, gain,
 ):
     """``mask``: pixels of a region at left, top with a gain over ``threshold`` and a change at their origin, which is
-    in the window; ``gain``: over ``noise``, 0 where the background leaves no more than ``threshold``.
+    in the window (left, top, right, bottom); ``gain``: over ``noise``, 0 where the background leaves no more than
+    ``threshold``.
 
     errors: of the background, at errors_left, errors_top, known in the window and beside it; motion: (2,); change: mean
     error from which the image changed; mask: False; scratch: moved, spans: (., .) uint16 and (., 2) of the region and
@@ -103,26 +167,25 @@ def _compare(  # type: ignore[no-untyped-def]
     _fill_moved(current, reference, back, around_left, around_top, motion, indices[0], corners, rows, spans, moved)
     _fill_gains(moved, right, down, noise, threshold, spans, sums, rows[0], mask, gain)
     first_x, last_x, first_y, last_y = _fill_origins(
-        flow, left, top, window_left, window_top, window_right, window_bottom, motion, current.shape, right, down,
-        spans, indices[1], rows, mask, origins)
+        flow, left, top, window, motion, current.shape, right, down, spans, indices[1], rows, mask, origins)
     if last_x < first_x:
         return
     slack = SLACK_PX // 2
-    first_x, last_x = max(window_left, first_x - slack), min(window_right, last_x + slack + 1)
-    first_y, last_y = max(window_top, first_y - slack), min(window_bottom, last_y + slack + 1)
+    first_x, last_x = max(window[0], first_x - slack), min(window[2], last_x + slack + 1)
+    first_y, last_y = max(window[1], first_y - slack), min(window[3], last_y + slack + 1)
     means = rows[0, :last_x - first_x]
     for row in range(first_y, last_y):
         row_means(errors, row - errors_top, first_x - errors_left, sums, means)
         for n in range(len(means)):
-            over[row - window_top, first_x - window_left + n] = means[n] > change
+            over[row - window[1], first_x - window[0] + n] = means[n] > change
     for r in range(mask.shape[0]):
-        for c in range(mask.shape[1]):
+        for c in range(spans[down + r, 0] - right, spans[down + r, 1] - right):
             if mask[r, c]:
                 column, row = origins[r, c, 0], origins[r, c, 1]
-                mask[r, c] = _any(over, max(window_top, row - slack) - window_top,
-                                  min(window_bottom, row + slack + 1) - window_top,
-                                  max(window_left, column - slack) - window_left,
-                                  min(window_right, column + slack + 1) - window_left)
+                mask[r, c] = _any(over, max(window[1], row - slack) - window[1],
+                                  min(window[3], row + slack + 1) - window[1],
+                                  max(window[0], column - slack) - window[0],
+                                  min(window[2], column + slack + 1) - window[0])
 
 
 @kernel(error_model='numpy')
@@ -185,13 +248,12 @@ def _fill_gains(moved, right, down, noise, threshold, spans, sums, means, mask, 
 
 @kernel()
 def _fill_origins(  # type: ignore[no-untyped-def]
-    flow, left, top, window_left, window_top, window_right, window_bottom, motion, size, right, down, spans, west, rows,
-    mask, origins,
+    flow, left, top, window, motion, size, right, down, spans, west, rows, mask, origins,
 ):
     """``origins``: column and row where each pixel of ``mask``, (h, w) at left, top, was before it moved by ``motion``
     beyond the flow; ``mask`` is cleared where that is not in the window. Returns the first and the last column and row.
     """
-    (height, width), above = mask.shape, -1
+    (height, width), above, (window_left, window_top, window_right, window_bottom) = mask.shape, -1, window
     west, share, line, lines = west[:width], rows[8, :width], rows[2:4], rows[4:8]
     first_x, last_x, first_y, last_y = window_right, window_left - 1, window_bottom, window_top - 1
     find_columns(left, flow.shape[1], size[1], west, share)

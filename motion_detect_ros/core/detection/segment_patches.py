@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from motion_detect_ros.core.config import ObjectsConfig
-from motion_detect_ros.core.detection.patches import Patch, connected_pixels
-from motion_detect_ros.core.detection.photometric import PhotometricTest
-from motion_detect_ros.core.detection.segments import Segment
+from motion_detect_ros.core.detection.patches import Patch, connected_pixels, join_patches
+from motion_detect_ros.core.detection.photometric import PhotometricTests
+from motion_detect_ros.core.detection.segments import Segment, cells_of_all
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.order_statistics import percentile
 from motion_detect_ros.core.kernels import kernel
+from motion_detect_ros.core.threads import HELPERS
 
 #: Fewer foreground pixels than this are noise.
 MIN_PIXELS = 8
@@ -37,20 +41,70 @@ class CellEdges:
         return cls(rows, columns)
 
 
-def strong_patches(
-    test: PhotometricTest, region: Box, segment: Segment, edges: CellEdges, config: ObjectsConfig,
-) -> list[Patch]:
-    """Patches that touch a segment, cut down to the pixels near their strongest gain, pixels of the test's region.
+class JoinLimits(NamedTuple):
+    """Areas that ``join_patches`` asks for, square pixels."""
 
-    A soft shadow moves with its object, but its gain is far below that of the object's own edges.
+    least_area: float = math.inf
+    most_area: float = math.inf
+    near_area: float = math.inf
+
+
+def segment_patches(
+    tests: PhotometricTests, segments: Sequence[Segment], edges: CellEdges, config: ObjectsConfig, limits: JoinLimits,
+    parts: int = 1,
+) -> list[list[Patch]]:
+    """Patches of objects that touch each segment, pixels of the test of its region; those of one object are joined.
+
+    They are cut down to the pixels near their strongest gain: a soft shadow moves with its object, but its gain is far
+    below that of the object's own edges. parts: threads.
     """
-    count, labels = connected_pixels(test.foreground, config.closing_px)
-    patches = np.zeros((count, 5), np.int64)
-    _fill_patches(labels, test.foreground, test.gain, segment.rows, segment.columns, edges.rows, edges.columns,
-                  region.left, region.top, np.float32(config.peak_share), np.empty((2, labels.size), np.int32),
-                  np.zeros((2, count + 1), np.int64), np.empty(labels.size, np.float32), np.zeros(count, np.bool_),
-                  np.empty(count, np.float32), patches)
-    return [Patch(Box(*row[:4]), row[4]) for row in patches.tolist() if row[4] >= MIN_PIXELS]
+    labels = np.empty(tests.starts[-1], np.int32)
+    counts = np.array([connected_pixels(test.foreground, config.closing_px, there.reshape(test.foreground.shape))[0]
+                       for test, there in zip(tests, np.split(labels, tests.starts[1:-1]), strict=True)])
+    of_each = np.concatenate([[0], np.cumsum(counts)])
+    patches, left = np.zeros((of_each[-1], 5), np.int64), np.empty(len(tests), np.int64)
+    largest, most = int(np.diff(tests.starts).max()), int(counts.max())
+    cells = cells_of_all(segments)
+
+    def every(first: int) -> None:
+        _fill_all_patches(labels, tests.foreground, tests.gain, tests.boxes, tests.starts, *cells, edges.rows,
+                          edges.columns, np.float32(config.peak_share), *limits, first, parts, of_each,
+                          np.empty((2, largest), np.int32), np.empty((2, most + 1), np.int64),
+                          np.empty(largest, np.float32), np.empty(most, np.bool_), np.empty(most, np.float32),
+                          np.empty((most, 5), np.int64), patches, left)
+
+    HELPERS.share(every, range(parts))
+    rows = patches.tolist()
+    return [[Patch(Box(*row[:4]), row[4]) for row in rows[start:start + count]]
+            for start, count in zip(of_each.tolist(), left.tolist(), strict=False)]
+
+
+@kernel()
+def _fill_all_patches(  # type: ignore[no-untyped-def]
+    labels, masks, gains, boxes, starts, cell_rows, cell_columns, cell_starts, row_edges, column_edges, peak_share,
+    least_area, most_area, near_area, first, step, of_each, places, label_starts, ordered, touches, limits, done,
+    patches, left,
+):
+    """``patches``: (., 5), those of every ``step``-th segment from ``of_each``, (n + 1,), on; ``left``: (n,) their
+    numbers. labels, masks, gains: (.,) of regions (n, 4), which begin at ``starts``; scratch as ``_fill_patches`` and
+    ``join_patches``, for the largest.
+    """
+    for n in range(first, len(boxes), step):
+        shape = boxes[n, 3] - boxes[n, 1], boxes[n, 2] - boxes[n, 0]
+        start, end, count = starts[n], starts[n + 1], of_each[n + 1] - of_each[n]
+        own = patches[of_each[n]:of_each[n + 1]]
+        label_starts[:], touches[:] = 0, False
+        _fill_patches(labels[start:end].reshape(shape), masks[start:end].reshape(shape),
+                      gains[start:end].reshape(shape), cell_rows[cell_starts[n]:cell_starts[n + 1]],
+                      cell_columns[cell_starts[n]:cell_starts[n + 1]], row_edges, column_edges, boxes[n, 0],
+                      boxes[n, 1], peak_share, places, label_starts[:, :count + 1], ordered, touches[:count],
+                      limits[:count], own)
+        kept = 0
+        for label in range(count):
+            if own[label, 4] >= MIN_PIXELS:
+                own[kept] = own[label]
+                kept += 1
+        left[n] = join_patches(own[:kept], least_area, most_area, near_area, done)
 
 
 @kernel()

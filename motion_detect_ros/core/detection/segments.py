@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +36,12 @@ class Segment:
         cells[self.rows, self.columns] = True
         return cells[np.ix_(np.arange(region.top, region.bottom) * grid[0] // size[0],
                             np.arange(region.left, region.right) * grid[1] // size[1])]
+
+
+def cells_of_all(segments: Sequence[Segment]) -> tuple[npt.NDArray[np.int64], ...]:
+    """Rows and columns (N,) of the cells of segment after segment, and where those of each begin and end, (n + 1,)."""
+    starts = np.concatenate([[0], np.cumsum([len(each.rows) for each in segments])])
+    return np.concatenate([each.rows for each in segments]), np.concatenate([each.columns for each in segments]), starts
 
 
 def cluster_motions(labels: LabelArray, motion: FloatArray, clusters: int) -> FloatArray:
