@@ -17,7 +17,8 @@ from motion_detect_ros.core.clustering_stage import ClusteringStage
 from motion_detect_ros.core.config import PipelineConfig, PreprocessingConfig, TracksConfig
 from motion_detect_ros.core.detection.detector import MotionDetector
 from motion_detect_ros.core.detection.image_pair import ImagePair
-from motion_detect_ros.core.detection.photometric import photometric_test
+from motion_detect_ros.core.detection.photometric import BackgroundMotion, Place, photometric_tests
+from motion_detect_ros.core.detection.prediction_errors import PredictionErrors
 from motion_detect_ros.core.ego_motion import feature_based
 from motion_detect_ros.core.ego_motion.stage import EgoMotionStage, no_estimate
 from motion_detect_ros.core.errors import ConfigError, FrameError
@@ -562,9 +563,12 @@ class TestPhotometricTest:
             image = ground.copy()
             image[40:40 + SIDE, left:left + SIDE] = THING
             pair.append(image)
-        return photometric_test(ImagePair(pair[1], pair[0], np.eye(3)), Box(20, 10, 180, 120), Box(0, 0, 200, 130),
-                                np.zeros(2, np.float32),
-                       np.float32([shift_px, 0]), self.NOISE, 3.0)
+        return self.found(ImagePair(pair[1], pair[0], np.eye(3)), np.float32([shift_px, 0]))
+
+    def found(self, pair: ImagePair, motion: np.ndarray):
+        still, all_of_it = np.zeros(2, np.float32), Box(0, 0, 200, 130)
+        background = BackgroundMotion(still.reshape(1, 1, 2), PredictionErrors.within(pair, all_of_it, still))
+        return photometric_tests(pair, background, [Place(Box(20, 10, 180, 120), 20, motion)], self.NOISE, 3.0)[0]
 
     @pytest.mark.parametrize('ground', [texture(5, 130, 200), np.full((130, 200), 120, np.uint8)],
                              ids=['texture', 'plain'])
@@ -578,10 +582,7 @@ class TestPhotometricTest:
 
     def test_no_foreground_where_nothing_moved(self):
         image = texture(5, 130, 200)
-        found = photometric_test(ImagePair(image, image, np.eye(3)), Box(20, 10, 180, 120), Box(0, 0, 200, 130),
-                                np.zeros(2, np.float32),
-                        np.float32([6, 0]), self.NOISE, 3.0)
-        assert not found.foreground.any()
+        assert not self.found(ImagePair(image, image, np.eye(3)), np.float32([6, 0])).foreground.any()
 
 
 class TestSettings:

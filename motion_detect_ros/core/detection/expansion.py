@@ -49,13 +49,14 @@ def with_growth(
     found = np.empty((len(candidates), 3))
     _fill_shrinkages(flow.flow, object_flow, motions * seconds, low, high, cell, np.empty((5, most)),
                      np.empty((2, most), np.float32), found)
-    return [replace(seen, growth=_growth(seen, *each, seconds, flow)) for seen, each in zip(
+    return [replace(seen, growth=_growth(seen, seconds, flow, *each)) for seen, each in zip(
         candidates, found.tolist(), strict=True)]
 
 
 def _growth(
-    seen: Candidate, shrunk: float, variance: float, cells: float, seconds: float, flow: FlowField,
+    seen: Candidate, seconds: float, flow: FlowField, shrunk: float, variance: float, cells: float,
 ) -> Growth | None:
+    """Of what ``_shrinkage`` returns."""
     if cells < MIN_CELLS:
         return None
     before = max(1.0 - shrunk, MIN_SHRINKAGE)

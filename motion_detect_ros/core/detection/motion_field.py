@@ -65,7 +65,7 @@ class MotionField:
         return motions, magnitude(motions) / np.where(known > 0.0, sigma_px, 1.0), known
 
     def known_around(self, windows: Windows) -> DoubleArray:
-        """(n,) share of the cells within ``AROUND_CELLS`` of windows of cells, but not in them, whose motion is known."""
+        """(n,) share of known cells within ``AROUND_CELLS`` of windows of cells, but not in them."""
         (rows, columns), counts = self.residual.shape[:2], self._known_before
         around = np.stack([np.maximum(windows[:, 0] - AROUND_CELLS, 0), np.minimum(windows[:, 1] + AROUND_CELLS, rows),
                            np.maximum(windows[:, 2] - AROUND_CELLS, 0),

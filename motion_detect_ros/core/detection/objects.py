@@ -14,7 +14,12 @@ from motion_detect_ros.core.detection.image_pair import ImagePair, image_noise
 from motion_detect_ros.core.detection.motion_field import MotionField, cells_of
 from motion_detect_ros.core.detection.patches import Patch, parted_patch
 from motion_detect_ros.core.detection.photometric import (
-    BackgroundMotion, PhotometricTest, Place, photometric_tests, reach_px)
+    BackgroundMotion,
+    PhotometricTest,
+    Place,
+    photometric_tests,
+    reach_px,
+)
 from motion_detect_ros.core.detection.prediction_errors import PredictionErrors
 from motion_detect_ros.core.detection.scoring import log_odds
 from motion_detect_ros.core.detection.segment_patches import CellEdges, JoinLimits, segment_patches
@@ -23,7 +28,6 @@ from motion_detect_ros.core.detection.several_objects import LARGER, UsualSize
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.warp import grid_points
 from motion_detect_ros.core.threads import HELPERS
-from motion_detect_ros.core.types import FloatArray
 from motion_detect_ros.core.types import FloatArray
 
 #: A segment's surroundings that its object may reach into besides its motion, working-resolution pixels.
@@ -114,7 +118,7 @@ class ObjectFinder:
 def _place(
     segment: Segment, field: MotionField, motion: FloatArray, against: FloatArray, width: int, height: int,
 ) -> Place:
-    """Where a segment's object is looked for in a ``width`` x ``height`` image: of fast ones flow is known on a part only.
+    """Where the object of a segment is looked for in a ``width`` x ``height`` image: of fast ones flow is known on a part.
 
     motion, against: (2,) beyond the ego-motion, and against the background.
     """
@@ -133,7 +137,9 @@ def _candidates(
     patches: list[Patch], field: MotionField, size: tuple[int, ...], names: list[int],
 ) -> list[Candidate]:
     """What each patch of an image of this height and width is, and how it moves; names: of their neurons."""
-    boxes = np.array([(each.box.left, each.box.top, each.box.right, each.box.bottom) for each in patches]).reshape(-1, 4)
+    if not patches:
+        return []
+    boxes = np.array([each.box.edges for each in patches])
     cells = cells_of(boxes, field.residual.shape[:2], size)
     motions, sigmas, known = field.object_motions(cells)
     around = field.known_around(cells)

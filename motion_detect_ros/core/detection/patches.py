@@ -93,8 +93,8 @@ def parted_patch(
 
 @kernel()
 def join_patches(patches, least_area, most_area, near_area, done):  # type: ignore[no-untyped-def]
-    """First rows of ``patches``, (n, 5) left, top, right, bottom, pixels: those that are parts of one object are joined,
-    repeatedly; returns their number. done: (n, 5) scratch.
+    """First rows of ``patches``, (n, 5) left, top, right, bottom, pixels: parts of one object are joined, repeatedly;
+    returns how many are left. done: (n, 5) scratch.
 
     All are one where the area of the box around them is ``least_area`` to ``most_area``. Else two are joined where
     their gap is at most ``GAP_SHARE`` of the smaller one's size, and their common box is hardly larger than their own

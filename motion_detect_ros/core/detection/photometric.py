@@ -14,15 +14,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from motion_detect_ros.core.detection.enlarging import enlarge_row, find_columns
 from motion_detect_ros.core.detection.image_pair import ImagePair
-from motion_detect_ros.core.detection.prediction_errors import (
-    BESIDE_PX, PredictionErrors, row_errors, row_means)
+from motion_detect_ros.core.detection.prediction_errors import BESIDE_PX, PredictionErrors, row_errors, row_means
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.threads import HELPERS
@@ -91,7 +90,7 @@ def photometric_tests(
 
     Errors of ``background`` are known within the places' reach; noise_gray: one deviation; parts: threads.
     """
-    boxes = np.array([(*astuple(each.region), each.reach) for each in places])
+    boxes = np.array([(*each.region.edges, each.reach) for each in places])
     motions = np.stack([each.motion for each in places])
     sides, known = boxes[:, 2:4] - boxes[:, :2], background.errors
     starts = np.concatenate([[0], np.cumsum(sides.prod(axis=1))])
@@ -143,8 +142,8 @@ def _compare_all(  # type: ignore[no-untyped-def]
         beyond = (window[3] - window[1]) * (window[2] - window[0])
         _compare(current, reference, back, errors, errors_left, errors_top, left, top, around_left, around_top, window,
                  flow, motions[n], noise, change, threshold, indices, corners, rows, sums,
-                 moved[:wide * high].reshape(high, wide), spans[:high], origins[:2 * area].reshape(shape[0], shape[1], 2),
-                 over[:beyond].reshape(window[3] - window[1], window[2] - window[0]),
+                 moved[:wide * high].reshape(high, wide), spans[:high],
+                 origins[:2 * area].reshape(shape[0], shape[1], 2), over[:beyond].reshape(window[3] - window[1], window[2] - window[0]),
                  masks[start:end].reshape(shape), gains[start:end].reshape(shape))
 
 
@@ -238,7 +237,8 @@ def _fill_gains(moved, right, down, noise, threshold, spans, sums, means, mask, 
         start, end = spans[down + r, 0], spans[down + r, 1]
         if start >= end:
             continue
-        mean, gains, passed = means[:end - start], gain[r, start - right:end - right], mask[r, start - right:end - right]
+        mean = means[:end - start]
+        gains, passed = gain[r, start - right:end - right], mask[r, start - right:end - right]
         row_means(moved, down + r, start, sums, mean)
         for c in range(len(mean)):
             gains[c] = (gains[c] - mean[c]) / noise if gains[c] > 0.0 else np.float32(0.0)

@@ -51,7 +51,7 @@ class PredictionErrors:
             wanted[box.top // TILE_PX:-(-box.bottom // TILE_PX), box.left // TILE_PX:-(-box.right // TILE_PX)] = True
         values = np.empty((height, width), np.uint16)
         _fill(pair, Box(0, 0, width, height), flow, TILE_PX, wanted, values,
-              HELPERS.parts(np.count_nonzero(wanted), LEAST_TILES))
+              HELPERS.parts(int(wanted.sum()), LEAST_TILES))
         return cls(values, Box(0, 0, width, height))
 
 

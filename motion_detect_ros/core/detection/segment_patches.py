@@ -58,9 +58,15 @@ def segment_patches(
     They are cut down to the pixels near their strongest gain: a soft shadow moves with its object, but its gain is far
     below that of the object's own edges. parts: threads.
     """
-    labels = np.empty(tests.starts[-1], np.int32)
-    counts = np.array([connected_pixels(test.foreground, config.closing_px, there.reshape(test.foreground.shape))[0]
-                       for test, there in zip(tests, np.split(labels, tests.starts[1:-1]), strict=True)])
+    labels, counts = np.empty(tests.starts[-1], np.int32), np.empty(len(tests), np.int64)
+    there = np.split(labels, tests.starts[1:-1])
+
+    def connect(first: int) -> None:
+        for n in range(first, len(tests), parts):
+            mask = tests[n].foreground
+            counts[n], _ = connected_pixels(mask, config.closing_px, there[n].reshape(mask.shape))
+
+    HELPERS.share(connect, range(parts))
     of_each = np.concatenate([[0], np.cumsum(counts)])
     patches, left = np.zeros((of_each[-1], 5), np.int64), np.empty(len(tests), np.int64)
     largest, most = int(np.diff(tests.starts).max()), int(counts.max())
@@ -74,8 +80,7 @@ def segment_patches(
                           np.empty((most, 5), np.int64), patches, left)
 
     HELPERS.share(every, range(parts))
-    rows = patches.tolist()
-    return [[Patch(Box(*row[:4]), row[4]) for row in rows[start:start + count]]
+    return [[Patch(Box(*row[:4]), row[4]) for row in patches[start:start + count].tolist()]
             for start, count in zip(of_each.tolist(), left.tolist(), strict=False)]
 
 

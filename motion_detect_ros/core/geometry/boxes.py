@@ -35,6 +35,11 @@ class Box:
     bottom: int
 
     @property
+    def edges(self) -> tuple[int, int, int, int]:
+        """Left, top, right, bottom."""
+        return self.left, self.top, self.right, self.bottom
+
+    @property
     def width(self) -> int:
         """Pixels."""
         return self.right - self.left
@@ -62,8 +67,3 @@ class Box:
         """The smallest box around both."""
         return Box(min(self.left, other.left), min(self.top, other.top),
                    max(self.right, other.right), max(self.bottom, other.bottom))
-
-    def gap(self, other: Box) -> int:
-        """Largest distance along an axis between the boxes; 0 where they touch or overlap."""
-        return max(0, self.left - other.right, other.left - self.right,
-                   self.top - other.bottom, other.top - self.bottom)

@@ -9,8 +9,7 @@ import numpy as np
 
 from motion_detect_ros.core.config import ObjectsConfig
 from motion_detect_ros.core.detection.image_pair import ImagePair, image_noise
-from motion_detect_ros.core.detection.photometric import (
-    BackgroundMotion, Place, photometric_tests, reach_px)
+from motion_detect_ros.core.detection.photometric import BackgroundMotion, Place, photometric_tests, reach_px
 from motion_detect_ros.core.detection.prediction_errors import PredictionErrors
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.order_statistics import median

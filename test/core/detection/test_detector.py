@@ -50,10 +50,9 @@ def test_known_share_around_a_window():
     still = Background(np.zeros_like(residual), np.ones((40, 50), np.float32), True)
     field = MotionField(residual, still, 0.04, 1.0)
     # 28 x 28 cells about the window less its own 16: columns 6 to 33, of which 6 to 9 are not known
-    assert field.known_around(slice(12, 16), slice(18, 22)) == pytest.approx((28 * 24 - 16) / (784 - 16))
-    # cut at the picture's edge: rows 0 to 15, columns 34 to 49, all known
-    assert field.known_around(slice(0, 4), slice(46, 50)) == 1.0
-    assert field.known_around(slice(0, 40), slice(0, 50)) == 0.0
+    # cut at the picture's edge: rows 0 to 15, columns 34 to 49, all known; nothing is around all of it
+    windows = np.array([(12, 16, 18, 22), (0, 4, 46, 50), (0, 40, 0, 50)])
+    assert field.known_around(windows).tolist() == pytest.approx([(28 * 24 - 16) / (784 - 16), 1.0, 0.0])
 
 
 @pytest.mark.parametrize(('own_m', 'left_m'), [((0.4, 0.0, 0.0), 1.0), ((0.0, 0.0, 0.6), 0.4), ((0.0, 0.0, -1.0), 2.0)])
@@ -71,8 +70,8 @@ def test_growth_before_a_background_in_space_is_that_of_the_objects_own_cells(
     grey = np.zeros((CAMERA.height, CAMERA.width), np.uint8)
 
     def on_the_box(_self: object, segments: object, grid: MotionField, *_: object) -> list[Candidate]:
-        velocity, _sigmas, _known = grid.object_motion(slice(36, 58), slice(70, 84))
-        return [Candidate(np.array([308.0, 188.0]), np.array([56.0, 88.0]), velocity / grid.seconds, 4928.0, 3.0, 1)]
+        motions, _sigmas, _known = grid.object_motions(np.array([(36, 58, 70, 84)]))
+        return [Candidate(np.array([308.0, 188.0]), np.array([56.0, 88.0]), motions[0] / grid.seconds, 4928.0, 3.0, 1)]
 
     monkeypatch.setattr(ObjectFinder, 'find', on_the_box)
     found = MotionDetector(PipelineConfig()).candidates(

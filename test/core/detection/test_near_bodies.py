@@ -8,11 +8,12 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from joined_patches import joined_patches
 
 from motion_detect_ros.core.background.selection import BackgroundSelector
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.objects import ObjectFinder
-from motion_detect_ros.core.detection.patches import Patch, joined_patches, whole_body
+from motion_detect_ros.core.detection.patches import Patch
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.presets import load_preset
@@ -151,18 +152,23 @@ def test_where_points_are_tracked_parts_stay_apart(preset: str, whole: bool, mon
 SCATTERED = [Patch(Box(0, 0, 20, 20), 300), Patch(Box(90, 40, 110, 60), 200), Patch(Box(180, 80, 200, 100), 100)]
 
 
+def _same(ones: list[Patch], others: list[Patch]) -> bool:
+    """In whatever order."""
+    return set(ones) == set(others) and len(ones) == len(others)
+
+
 def test_parts_of_a_large_segment_are_one_body() -> None:
-    assert whole_body(SCATTERED, 20000.0, 50000.0) == [Patch(Box(0, 0, 200, 100), 600)]
+    assert joined_patches(SCATTERED, least_area=20000.0, most_area=50000.0) == [Patch(Box(0, 0, 200, 100), 600)]
 
 
 def test_parts_of_a_small_one_may_be_neighbours() -> None:
-    assert whole_body(SCATTERED, 20001.0, 50000.0) == SCATTERED
+    assert _same(joined_patches(SCATTERED, least_area=20001.0, most_area=50000.0), SCATTERED)
 
 
 def test_parts_are_better_than_a_box_too_large_to_be_reported() -> None:
-    assert whole_body(SCATTERED, 100.0, 19999.0) == SCATTERED
+    assert _same(joined_patches(SCATTERED, least_area=100.0, most_area=19999.0), SCATTERED)
 
 
 def test_one_part_or_none_stay() -> None:
-    assert whole_body([], 0.0, 1e9) == []
-    assert whole_body(SCATTERED[:1], 0.0, 1e9) == SCATTERED[:1]
+    assert joined_patches([], least_area=0.0, most_area=1e9) == []
+    assert joined_patches(SCATTERED[:1], least_area=0.0, most_area=1e9) == SCATTERED[:1]

@@ -7,15 +7,27 @@ import threading
 import cv2
 import numpy as np
 import pytest
+from joined_patches import joined_patches
 
 from motion_detect_ros.core.background.planar import Background
 from motion_detect_ros.core.config import ObjectsConfig
-from motion_detect_ros.core.detection import objects
+from motion_detect_ros.core.detection import objects, prediction_errors
+from motion_detect_ros.core.detection import segment_patches as segment_patches_module
+from motion_detect_ros.core.detection.enlarging import enlarge_row, find_columns
 from motion_detect_ros.core.detection.image_pair import ImagePair, image_noise
 from motion_detect_ros.core.detection.motion_field import MotionField
 from motion_detect_ros.core.detection.objects import ObjectFinder
 from motion_detect_ros.core.detection.patches import Patch
-from motion_detect_ros.core.detection.photometric import PhotometricTest, photometric_test, reach_px
+from motion_detect_ros.core.detection.photometric import (
+    BackgroundMotion,
+    PhotometricTest,
+    PhotometricTests,
+    Place,
+    photometric_tests,
+    reach_px,
+)
+from motion_detect_ros.core.detection.prediction_errors import PredictionErrors, row_means
+from motion_detect_ros.core.detection.segment_patches import CellEdges, JoinLimits, segment_patches
 from motion_detect_ros.core.detection.segments import Segment
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.threads import limited
@@ -64,6 +76,22 @@ def pixels(box: Box) -> tuple[np.ndarray, np.ndarray]:
     return x, y
 
 
+def photometric_test(
+    pair: ImagePair, places: list[Place], flow: np.ndarray, noise_gray: float, threshold: float, parts: int = 1,
+) -> list[PhotometricTest]:
+    """Of several places, before a background of this flow: (2,), or (gh, gw, 2) of a grid over the picture."""
+    height, width = pair.current.shape
+    windows = [each.region.grown(each.reach, width, height) for each in places]
+    if flow.ndim == 1:
+        window = windows[0]
+        for each in windows[1:]:
+            window = window.union(each)
+        background = BackgroundMotion(flow.reshape(1, 1, 2), PredictionErrors.within(pair, window, flow))
+    else:
+        background = BackgroundMotion(flow, PredictionErrors.near(pair, windows, flow))
+    return list(photometric_tests(pair, background, places, noise_gray, threshold, parts))
+
+
 def field(random: np.random.Generator, unknown_share: float = 0.3) -> MotionField:
     residual, flow = random.normal(0.0, 4.0, (2, ROWS, COLUMNS, 2)).astype(np.float32)
     residual[random.random((ROWS, COLUMNS)) < unknown_share] = np.nan
@@ -81,7 +109,7 @@ def test_foreground_is_that_of_the_definition(pair: ImagePair, box: Box, uniform
         background = np.stack([0.01 * (x - 50.0), 0.02 * (y - 40.0)], axis=-1)
     threshold = 3.0
     squares = [cv2.blur(errors(pair, x, y, motion) ** 2, (3, 3)) for motion in (background, MOTION.astype(float))]
-    gain = (squares[0] - squares[1]) / noise ** 2
+    gain = np.where(squares[0] > (noise * threshold) ** 2, (squares[0] - squares[1]) / noise ** 2, 0.0)
     changed = cv2.dilate((squares[0] > (noise * threshold) ** 2).astype(np.uint8), np.ones((5, 5), np.uint8))
     from_x, from_y = (np.rint(each).astype(int) for each in np.moveaxis(
         np.stack([x, y], axis=-1) - (MOTION - background), -1, 0))
@@ -90,10 +118,9 @@ def test_foreground_is_that_of_the_definition(pair: ImagePair, box: Box, uniform
     region = np.s_[box.top:box.bottom, box.left:box.right]
     foreground = ((gain > threshold ** 2) & came & pair.mask)[region]
 
-    window = box.grown(reach_px(np.float32(MOTION) + 2.0), WIDTH, HEIGHT)
-    inner = np.zeros(2, np.float32) if uniform else background[
-        window.top:window.bottom, window.left:window.right].astype(np.float32)
-    found = photometric_test(pair, box, window, inner, MOTION, noise, threshold)
+    place = Place(box, reach_px(np.float32(MOTION) + 2.0), MOTION)
+    flow = np.zeros(2, np.float32) if uniform else background.astype(np.float32)  # a cell a pixel
+    found, = photometric_test(pair, [place], flow, noise, threshold)
     assert found.foreground.shape == (box.height, box.width) and found.gain.dtype == np.float32
     assert (np.abs(found.gain - gain[region]) > 0.05).mean() < 0.03  # grey values half-way are rounded up or down
     assert np.count_nonzero(found.foreground != foreground) <= 0.002 * foreground.size
@@ -106,8 +133,8 @@ def test_every_motion_of_a_plain_picture_explains_it(height: int, width: int) ->
     picture, all_of_it = np.full((height, width), 77, np.uint8), Box(0, 0, width, height)
     for background in (np.zeros(2, np.float32), np.full((height, width, 2), 1e9, np.float32),
                        np.full(2, np.nan, np.float32), np.full((height, width, 2), -0.5, np.float32)):
-        found = photometric_test(ImagePair(picture, picture, np.eye(3)), all_of_it, all_of_it, background, MOTION,
-                                 2.0, 3.0)
+        found, = photometric_test(
+            ImagePair(picture, picture, np.eye(3)), [Place(all_of_it, 0, MOTION)], background, 2.0, 3.0)
         assert not found.gain.any() and not found.foreground.any()
 
 
@@ -153,16 +180,16 @@ def test_segments_are_the_same_by_two_threads(monkeypatch: pytest.MonkeyPatch) -
         for count in range(3, len(cells) + 1)]
     sigma = np.ones(residual.shape[:2], np.float32)
     grid = MotionField(residual, Background(np.zeros_like(residual), sigma), 0.04, 1.0)
-    found, where, patches = {}, set(), ObjectFinder._patches
+    found, where, connect = {}, set(), segment_patches_module.connected_pixels
 
     def noted(*given):
         if threading.current_thread() not in where:
             where.add(threading.current_thread())
             begun.wait()  # a thread that is late would find its part done
-        return patches(*given)
+        return connect(*given)
 
     monkeypatch.setattr(objects, 'LEAST_SEGMENTS', 2)
-    monkeypatch.setattr(ObjectFinder, '_patches', noted)
+    monkeypatch.setattr(segment_patches_module, 'connected_pixels', noted)
     for count in (1, 2):
         begun = threading.Barrier(count, timeout=60.0)
         where.clear()
@@ -184,12 +211,13 @@ def test_image_noise_is_the_median_error(pair: ImagePair) -> None:
 
 
 def test_pictures_that_cannot_be_written_to_are_taken_too(pair: ImagePair) -> None:
-    expected = photometric_test(pair, BOXES[1], BOXES[1], np.zeros(2, np.float32), MOTION, 3.0, 3.0)
+    places, still = [Place(BOXES[1], 0, MOTION)], np.zeros(2, np.float32)
+    expected, = photometric_test(pair, places, still, 3.0, 3.0)
     for picture in (pair.current, pair.reference):
         picture.flags.writeable = False
-    found = photometric_test(
-        ImagePair(pair.current, pair.reference, pair.matrix, pair.mask), BOXES[1], BOXES[1],
-        np.zeros(2, np.float32), MOTION, 3.0, 3.0)
+    found, = photometric_test(
+        ImagePair(pair.current, pair.reference, pair.matrix, pair.mask), places, still, 3.0, 3.0)
+    assert expected.foreground.any()
     np.testing.assert_array_equal(found.foreground, expected.foreground)
 
 
@@ -197,9 +225,10 @@ def test_pictures_that_cannot_be_written_to_are_taken_too(pair: ImagePair) -> No
 def test_motion_in_a_window_is_that_of_numpy(unknown: float) -> None:
     random = np.random.default_rng(5)
     grid = field(random, unknown)
-    for top, bottom, left, right in [(0, ROWS, 0, COLUMNS), (3, 9, 4, 21), (7, 8, 30, 33), (22, 23, 0, 1)]:
+    windows = np.array([(0, ROWS, 0, COLUMNS), (3, 9, 4, 21), (7, 8, 30, 33), (22, 23, 0, 1)])
+    for (top, bottom, left, right), motion, sigmas, known in zip(
+            windows, *grid.object_motions(windows), strict=True):
         window = np.s_[top:bottom, left:right]
-        motion, sigmas, known = grid.object_motion(*window)
         own = (grid.residual - grid.background.flow)[window].reshape(-1, 2)
         own = own[np.isfinite(own[:, 0])]
         assert known == pytest.approx(len(own) / ((bottom - top) * (right - left)))
@@ -213,26 +242,88 @@ def test_motion_in_a_window_is_that_of_numpy(unknown: float) -> None:
         assert sigmas == pytest.approx(float(np.hypot(*expected) / noise), rel=1e-5)
 
 
-def test_background_of_a_region_is_that_of_opencv() -> None:
-    grid = field(np.random.default_rng(6))
-    cells = np.stack(np.meshgrid((np.arange(WIDTH) + 0.5) * COLUMNS / WIDTH - 0.5,
-                                 (np.arange(HEIGHT) + 0.5) * ROWS / HEIGHT - 0.5), axis=-1)
-    x, y = cells[..., 0], cells[..., 1]
-    expected = 0.6 * np.stack([bilinear(grid.background.flow[..., axis], x, y) for axis in (0, 1)], axis=-1)
-    for box in BOXES:
-        np.testing.assert_allclose(grid.background_flow(box, WIDTH, HEIGHT),
-                                   expected[box.top:box.bottom, box.left:box.right],
-                                   atol=1e-4)
+@pytest.mark.parametrize('box', BOXES)
+def test_rows_of_a_grid_are_those_of_opencv(box: Box) -> None:
+    grid = np.random.default_rng(6).normal(0.0, 4.0, (ROWS, COLUMNS, 2)).astype(np.float32)
+    expected = bilinear_grid(grid)[box.top:box.bottom, box.left:box.right]
+    west, share = np.empty(box.width, np.uint32), np.empty(box.width, np.float32)
+    find_columns(box.left, COLUMNS, WIDTH, west, share)
+    for rows in (range(box.height), range(0, box.height, 7), range(box.height - 1, -1, -3)):  # however far apart
+        above, lines, line = -1, np.empty((4, box.width), np.float32), np.empty((2, box.width), np.float32)
+        for row in rows:
+            above = enlarge_row(grid, box.top + row, HEIGHT, west, share, above, lines, line)
+            np.testing.assert_allclose(line.T, expected[row], atol=1e-4)
 
 
-def test_motions_of_a_segment_are_the_medians_of_its_cells() -> None:
+def bilinear_grid(grid: np.ndarray) -> np.ndarray:
+    """(HEIGHT, WIDTH, 2) of cells, whose outermost are replicated beyond their centres."""
+    x, y = np.meshgrid((np.arange(WIDTH) + 0.5) * COLUMNS / WIDTH - 0.5,
+                       (np.arange(HEIGHT) + 0.5) * ROWS / HEIGHT - 0.5)
+    return np.stack([bilinear(grid[..., axis], x, y) for axis in (0, 1)], axis=-1)
+
+
+@pytest.mark.parametrize('threads', [1, 2])
+def test_errors_near_boxes_are_those_of_the_definition(
+    pair: ImagePair, threads: int, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of a picture of several tiles, in and beside the boxes, by one thread or two."""
+    monkeypatch.setattr(prediction_errors, 'TILE_PX', 8)
+    monkeypatch.setattr(prediction_errors, 'LEAST_TILES', 4)
+    grid = np.random.default_rng(6).normal(0.0, 3.0, (ROWS, COLUMNS, 2)).astype(np.float32)
+    with limited(threads):
+        found = PredictionErrors.near(pair, BOXES[1:], grid)
+    x, y = pixels(found.box)
+    expected = errors(pair, x, y, bilinear_grid(grid)) ** 2
+    for box in (each.grown(1, WIDTH, HEIGHT) for each in BOXES[1:]):
+        inside = np.s_[box.top:box.bottom, box.left:box.right]
+        off = np.abs(np.sqrt(found.values[inside].astype(float)) - np.sqrt(expected[inside]))
+        assert off.max() <= 1.0 and (off > 0.0).mean() < 0.02  # grey values half-way are rounded up or down
+
+
+def test_errors_within_a_box_are_those_of_the_definition(pair: ImagePair) -> None:
+    found = PredictionErrors.within(pair, BOXES[1], MOTION)
+    assert found.box == BOXES[1].grown(1, WIDTH, HEIGHT)
+    x, y = pixels(found.box)
+    off = np.sqrt(found.values.astype(float)) - np.abs(errors(pair, x, y, MOTION.astype(float)))
+    assert np.abs(off).max() <= 1.0 and (off != 0.0).mean() < 0.02
+
+
+@pytest.mark.parametrize(('rows', 'columns'), [(1, 1), (1, 7), (7, 1), (2, 2), (9, 14)])
+def test_mean_errors_are_those_of_opencv(rows: int, columns: int) -> None:
+    """Whole rows and parts of them; beyond the border the pixels within are mirrored."""
+    values = np.random.default_rng(3).integers(0, 255 ** 2 + 1, (rows, columns)).astype(np.uint16)
+    expected = cv2.blur(values.astype(np.float64), (3, 3), borderType=cv2.BORDER_REFLECT_101)
+    part = columns // 3, max(columns // 3 + 1, columns - 2)
+    for begin, end in [(0, columns), (0, 1), (columns - 1, columns), part]:
+        for row in range(rows):
+            means = np.empty(end - begin, np.float32)
+            row_means(values, row, begin, np.empty(columns + 2, np.int32), means)
+            np.testing.assert_allclose(means, expected[row, begin:end], rtol=1e-6)
+
+
+def test_regions_together_are_as_each_by_itself(pair: ImagePair) -> None:
+    """Of different sizes, reaches and motions, by one thread and by two."""
+    places = [Place(box, reach, np.float32(motion)) for box, reach, motion in zip(
+        BOXES, (0, 12, 3, 40, 9), ((5.3, -2.7), (5.0, -3.0), (-4.0, 0.5), (0.0, 0.0), (5.3, -2.7)), strict=True)]
+    grid = np.random.default_rng(6).normal(0.0, 0.4, (ROWS, COLUMNS, 2)).astype(np.float32)
+    alone = [photometric_test(pair, [place], grid, 3.0, 3.0)[0] for place in places]
+    assert sum(each.foreground.any() for each in alone) >= 2
+    for parts in (1, 2):
+        with limited(parts):
+            together = photometric_test(pair, places, grid, 3.0, 3.0, parts)
+        for one, other in zip(alone, together, strict=True):
+            np.testing.assert_array_equal(one.foreground, other.foreground)
+            np.testing.assert_array_equal(one.gain, other.gain)
+
+
+def test_motions_of_segments_are_the_medians_of_their_cells() -> None:
     grid = field(np.random.default_rng(7))
     rows, columns = np.nonzero(np.isfinite(grid.residual[..., 0]))
-    for count in (1, 2, 9, 200):
-        segment = Segment(rows[:count], columns[:count], 1, Box(0, 0, COLUMNS, ROWS))
+    counts = (1, 200, 2, 9)
+    found = grid.motions_of([Segment(rows[:count], columns[:count], 1, Box(0, 0, COLUMNS, ROWS)) for count in counts])
+    for count, motions in zip(counts, found, strict=True):
         cells = np.s_[rows[:count], columns[:count]]
-        for motion, of in zip(grid.motions_of(segment), (grid.residual, grid.residual - grid.background.flow),
-                              strict=True):
+        for motion, of in zip(motions, (grid.residual, grid.residual - grid.background.flow), strict=True):
             np.testing.assert_allclose(motion, 0.6 * np.median(of[cells], axis=0), rtol=1e-5)
 
 
@@ -256,5 +347,11 @@ def test_patches_are_the_strong_pixels_of_what_touches_the_segment() -> None:
         y, x = np.nonzero(strong)
         expected.append(Patch(Box(x.min(), y.min(), x.max() + 1, y.max() + 1), len(x)))
     assert len(expected) >= 3 and refused >= 2
-    found = ObjectFinder(config)._patches_of(PhotometricTest(mask, gain), segment, Box(20, 50, 300, 200), (20, 30))
-    assert found == expected
+    tests = PhotometricTests(np.array([[20, 50, 180, 170]] * 2), np.array([0, mask.size, 2 * mask.size]),
+                             np.tile(mask.ravel(), 2), np.tile(gain.ravel(), 2))
+    elsewhere = Segment(rows + 5, columns + 8, 1, Box(11, 9, 17, 17))
+    edges = CellEdges.of((20, 30), (200, 300))
+    for first, second in ((segment, elsewhere), (elsewhere, segment)):
+        found = segment_patches(tests, [first, second], edges, config, JoinLimits(), parts=2)
+        wanted, other = found if first is segment else reversed(found)
+        assert wanted == joined_patches(expected) != other

@@ -7,11 +7,12 @@ import math
 import cv2
 import numpy as np
 import pytest
+from joined_patches import joined_patches
 from scipy import ndimage
 
 from motion_detect_ros.core.background.planar import fit_background
 from motion_detect_ros.core.config import BackgroundConfig
-from motion_detect_ros.core.detection.patches import Patch, connected_pixels, joined_patches
+from motion_detect_ros.core.detection.patches import Patch, connected_pixels
 from motion_detect_ros.core.detection.segments import connected_segments
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.carried import carried, length_scale
@@ -207,7 +208,7 @@ class TestBoxes:
         assert (box.width, box.height, box.area) == (10, 5, 50)
         assert box.grown(4, 13, 100) == Box(0, 0, 13, 12)
         assert box.union(Box(20, 0, 22, 4)) == Box(2, 0, 22, 8)
-        assert box.gap(Box(20, 0, 22, 4)) == 8 and box.gap(Box(5, 5, 6, 6)) == 0
+        assert box.edges == (2, 3, 12, 8)
 
     def test_patches_close_small_gaps_only(self):
         mask = np.zeros((30, 60), bool)

@@ -11,7 +11,7 @@ import pytest
 
 from motion_detect_ros.core.config import TracksConfig
 from motion_detect_ros.core.detection.candidate import Candidate, Growth
-from motion_detect_ros.core.detection.expansion import _similarity, growth, with_growth
+from motion_detect_ros.core.detection.expansion import _similarity, with_growth
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.tracking.time_to_contact import Approach
 from motion_detect_ros.core.tracking.tracker import Tracker
@@ -32,6 +32,10 @@ def field(rate: float, seconds: float, centre, shift=(6.0, 0.0), turn: float = 0
     dx, dy = x - centre[0], y - centre[1]
     flow = np.stack([shift[0] + share * dx - turn * dy, shift[1] + share * dy + turn * dx], axis=-1)
     return FlowField(flow.astype(np.float32), 640, 360, 0)
+
+
+def growth(flow: FlowField, own: np.ndarray, seen: Candidate, seconds: float) -> Growth | None:
+    return with_growth([seen], flow, own, seconds)[0].growth
 
 
 class TestGrowth:
@@ -91,7 +95,10 @@ class TestGrowth:
         small, unknown = seen_at(320, 180, 10, 10, (60, 60)), np.full_like(own, np.nan)
         assert growth(flow, own, small, 0.1) is None
         assert growth(flow, unknown, seen_at(320, 180, 80, 60, (60, 60)), 0.1) is None
-        assert with_growth([small], flow, own, 0.1)[0].growth is None
+        assert with_growth([], flow, own, 0.1) == []
+        known = seen_at(320, 180, 80, 60, (60, 60))
+        alone = growth(flow, own, known, 0.1)
+        assert [each.growth for each in with_growth([small, known, small], flow, own, 0.1)] == [None, alone, None]
 
     @pytest.mark.parametrize(('inside', 'cut'), [
         ((45, 180), (43, 180)), ((320, 27), (320, 26)), ((595, 180), (597, 180)), ((320, 333), (320, 334)),
