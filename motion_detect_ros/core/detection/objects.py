@@ -118,7 +118,7 @@ class ObjectFinder:
 def _place(
     segment: Segment, field: MotionField, motion: FloatArray, against: FloatArray, width: int, height: int,
 ) -> Place:
-    """Where the object of a segment is looked for in a ``width`` x ``height`` image: of fast ones flow is known on a part.
+    """Where in a ``width`` x ``height`` image a segment's object is looked for: of fast ones flow is known on a part.
 
     motion, against: (2,) beyond the ego-motion, and against the background.
     """

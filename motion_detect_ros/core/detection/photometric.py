@@ -143,7 +143,8 @@ def _compare_all(  # type: ignore[no-untyped-def]
         _compare(current, reference, back, errors, errors_left, errors_top, left, top, around_left, around_top, window,
                  flow, motions[n], noise, change, threshold, indices, corners, rows, sums,
                  moved[:wide * high].reshape(high, wide), spans[:high],
-                 origins[:2 * area].reshape(shape[0], shape[1], 2), over[:beyond].reshape(window[3] - window[1], window[2] - window[0]),
+                 origins[:2 * area].reshape(shape[0], shape[1], 2),
+                 over[:beyond].reshape(window[3] - window[1], window[2] - window[0]),
                  masks[start:end].reshape(shape), gains[start:end].reshape(shape))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -27,18 +27,14 @@ def lucas_kanade(
 
     The points are split where OpenCV itself has one thread only; what becomes of a point does not depend on others.
     """
-    count = HELPERS.parts(len(points), LEAST_POINTS)
-    if count == 1:
-        return _call(one, other, points, start, options)
-    edges = [len(points) * part // count for part in range(count + 1)]
-    done = HELPERS.share(
-        lambda part: _call(one, other, points[part], None if start is None else start[part], options),
-        [slice(low, high) for low, high in pairwise(edges)])
-    moved, found, error = (np.concatenate(each) for each in zip(*done, strict=True))
+    moved, found, error = by_parts(lambda part: cv2.calcOpticalFlowPyrLK(
+        one, other, points[part], None if start is None else start[part], **options), len(points))
     return moved, found, error
 
 
-def _call(
-    one: ByteArray, other: ByteArray, points: FloatArray, start: FloatArray | None, options: Mapping[str, Any],
-) -> Tracked:
-    return cv2.calcOpticalFlowPyrLK(one, other, points, start, **options)
+def by_parts(function: Callable[[slice], tuple[Any, ...]], count: int) -> tuple[Any, ...]:
+    """What a function returns of parts of so many points, put together: arrays, a row for each point."""
+    parts = HELPERS.parts(count, LEAST_POINTS)
+    edges = [count * part // parts for part in range(parts + 1)]
+    done = HELPERS.share(function, [slice(low, high) for low, high in pairwise(edges)])
+    return done[0] if parts == 1 else tuple(np.concatenate(each) for each in zip(*done, strict=True))

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from motion_detect_ros.core.geometry.cells import first_of_cells
-from motion_detect_ros.core.geometry.lucas_kanade import lucas_kanade
+from motion_detect_ros.core.geometry.lucas_kanade import by_parts
 from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.geometry.warp import apply, points_at_scale
 from motion_detect_ros.core.periods import Every
@@ -159,7 +159,7 @@ class PointTracker:
         if len(self._points):
             odd = self._points.number % 2 == 1
             checked = odd if other_half else ~odd if self.new_due else np.zeros(len(odd), np.bool_)
-            self._points = self._tracked(frames, self._scene.of(mask), np.flatnonzero(checked))
+            self._points = self._tracked(frames, self._scene.of(mask), checked)
         return self._points
 
     def start(self, frames: RecentFrames, mask: BoolArray | None) -> Points:
@@ -178,18 +178,14 @@ class PointTracker:
         self._moving = self._points.number[moving]
         self._points = self._points.only(np.flatnonzero(~spare))
 
-    def _tracked(self, frames: RecentFrames, mask: BoolArray | None, checked: npt.NDArray[np.intp]) -> Points:
-        """checked: indices of the points that are tracked back, too."""
+    def _tracked(self, frames: RecentFrames, mask: BoolArray | None, checked: BoolArray) -> Points:
+        """checked: (N,) which points are tracked back, too."""
         points, dt_s = self._points, frames.seconds(1)
         current, previous = frames[0], frames[1]
         carried = apply(frames[1].matrix, points.now)
         start = carried + points.velocity * np.float32(dt_s)
-        now, good = _follow(previous, current, points.now, start)
-        if len(checked):
-            was, there = points.now[checked], now[checked]
-            off = _at_most(there - start[checked], REACH_PX)
-            back, found = _lucas_kanade(current.gray, previous.gray, there, was + off)
-            good[checked] &= found & (magnitude(back - was) < FORWARD_BACKWARD_PX)
+        now, good = by_parts(
+            lambda part: _followed(previous, current, points.now[part], start[part], checked[part]), len(points))
         good &= _usable(now, current.gray.shape, mask)
         velocity = (now - carried) / np.float32(dt_s)
         gain = np.where(points.age > 0, VELOCITY_GAIN, 1.0).astype(np.float32)[:, None]
@@ -203,6 +199,20 @@ def _at_most(vectors: FloatArray, length_px: float) -> FloatArray:
     """(N, 2) vectors, those that are longer shortened to this length."""
     share = length_px / np.maximum(magnitude(vectors), length_px)
     return (vectors * share[:, None]).astype(np.float32)
+
+
+def _followed(
+    one: RecentFrame, other: RecentFrame, points: FloatArray, start: FloatArray, checked: BoolArray,
+) -> tuple[FloatArray, BoolArray]:
+    """As ``_follow``; ``checked`` ones, (N,), are found where the way back ends where they were, too."""
+    now, good = _follow(one, other, points, start)
+    back_too = np.flatnonzero(checked)
+    if len(back_too):
+        was, there = points[back_too], now[back_too]
+        off = _at_most(there - start[back_too], REACH_PX)
+        back, found = _lucas_kanade(other.gray, one.gray, there, was + off)
+        good[back_too] &= found & (magnitude(back - was) < FORWARD_BACKWARD_PX)
+    return now, good
 
 
 def _follow(
@@ -226,9 +236,9 @@ def _lucas_kanade(
 
     window_px: width and height; levels: of the pyramid, above the first.
     """
-    moved, found, error = lucas_kanade(
+    moved, found, error = cv2.calcOpticalFlowPyrLK(
         one, other, np.ascontiguousarray(points), np.array(start, np.float32, order='C'),
-        {**_OPTIONS, 'winSize': window_px, 'maxLevel': levels})
+        **{**_OPTIONS, 'winSize': window_px, 'maxLevel': levels})
     good: BoolArray = (found.ravel() > 0) & (error.ravel() < MAX_ERROR_GRAY)
     return moved, good
 
