@@ -16,5 +16,6 @@ def joined_patches(
 ) -> list[Patch]:
     """What is left of them."""
     rows = np.array([(*each.box.edges, each.pixels) for each in patches], np.int64).reshape(-1, 5)
-    count = join_patches(rows, least_area, most_area, near_area, np.empty_like(rows))
-    return [Patch(Box(*row[:4]), row[4]) for row in rows[:count].tolist()]
+    left = np.array([len(rows)])
+    join_patches(rows, np.array([0, len(rows)]), least_area, most_area, near_area, np.empty_like(rows), left)
+    return [Patch(Box(*row[:4]), row[4]) for row in rows[:left[0]].tolist()]

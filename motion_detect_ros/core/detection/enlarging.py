@@ -8,56 +8,40 @@ from motion_detect_ros.core.kernels import kernel
 
 
 @kernel(error_model='numpy')
-def find_columns(left, columns, width, west, share):  # type: ignore[no-untyped-def]
-    """``west``: (w,) uint32 cell whose centre is left of each pixel from ``left`` on of a row of ``width`` pixels with
-    this many cells over it, ``share``: (w,) of the way to the next one.
+def find_columns(left, columns, width, count, west, share):  # type: ignore[no-untyped-def]
+    """``west``: (.,) uint32 cell left of the centre of each of ``count`` pixels; ``share``: (.,) of the way to another.
+
+    They are those from ``left`` on of a row of ``width`` pixels with this many cells over it.
     """
-    cells_a_pixel = np.float32(columns / width)
-    for x in range(len(west)):
-        place = _place(left + x, cells_a_pixel, columns)
+    cells_a_pixel, half, last = np.float32(columns / width), np.float32(0.5), np.float32(columns - 1)
+    for x in range(count):
+        place = min(max((np.float32(left + x) + half) * cells_a_pixel - half, np.float32(0.0)), last)
         cell = np.int32(place)
         west[x], share[x] = np.uint32(cell), place - np.float32(cell)
 
 
 @kernel(error_model='numpy')
-def enlarge_row(flow, row, height, west, share, above, lines, line):  # type: ignore[no-untyped-def]
-    """``line``: (2, w) x and y in a row of an image of this height, linear between the cells (gh, gw, 2) of a grid over
-    it; returns the row of cells above, -1 before the first call.
+def enlarge_row(flow, row, height, count, west, share, above, lines, line):  # type: ignore[no-untyped-def]
+    """``line``: (2, .) x and y of ``count`` pixels of a row of an image of this height, linear between the cells (gh,
+    gw, 2) of a grid over it; returns the row of cells above, -1 before the first call.
 
-    Between the outermost cells' centres and the image border the outermost cells are replicated. west, share: (w,) of
-    ``find_columns``; lines: (4, w), the rows of cells above and below, which many rows of the image share: made already
+    Between the outermost cells' centres and the image border the outermost cells are replicated. west, share: (.,) of
+    ``find_columns``; lines: (4, .), the rows of cells above and below, which many rows of the image share: made already
     where ``above`` is what the row before has returned.
     """
-    rows = len(flow)
-    place = _place(row, np.float32(rows / height), rows)
+    rows, half = len(flow), np.float32(0.5)
+    place = min(max((np.float32(row) + half) * np.float32(rows / height) - half, np.float32(0.0)), np.float32(rows - 1))
     north = int(place)
-    if above != north:
-        if above != north - 1 or above < 0:
-            _stretch(flow[north], west, share, lines[2 * (north % 2):])
-        if north + 1 < rows:
-            _stretch(flow[north + 1], west, share, lines[2 * ((north + 1) % 2):])
-    down = place - np.float32(north)
+    for r in range(north, min(north + 2, rows)):
+        if above == north or (r == north and above >= 0 and above == north - 1):
+            continue
+        for axis in range(2):
+            for x in range(count):
+                here, last = flow[r, west[x], axis], flow.shape[1] - 1
+                lines[2 * (r % 2) + axis, x] = here + share[x] * (flow[r, min(west[x] + 1, last), axis] - here)
+    down, high = place - np.float32(north), 2 * (north % 2)
+    low = 2 * ((north + 1) % 2) if north + 1 < rows else high
     for axis in range(2):
-        values, high = line[axis], lines[2 * (north % 2) + axis]
-        low = lines[2 * ((north + 1) % 2) + axis] if north + 1 < rows else high
-        for x in range(len(west)):
-            values[x] = high[x] + down * (low[x] - high[x])
+        for x in range(count):
+            line[axis, x] = lines[high + axis, x] + down * (lines[low + axis, x] - lines[high + axis, x])
     return north
-
-
-@kernel()
-def _stretch(cells, west, share, line):  # type: ignore[no-untyped-def]
-    """First rows of ``line``, (., w): x and y between cells (n, 2)."""
-    last = len(cells) - 1
-    for axis in range(2):
-        values = line[axis]
-        for x in range(len(west)):
-            here, next_one = cells[west[x], axis], cells[min(west[x] + 1, last), axis]
-            values[x] = here + share[x] * (next_one - here)
-
-
-@kernel()
-def _place(pixel, cells_a_pixel, cells):  # type: ignore[no-untyped-def]
-    """Where the centre of a pixel is, counted in the centres of this many cells."""
-    half = np.float32(0.5)
-    return min(max((np.float32(pixel) + half) * cells_a_pixel - half, np.float32(0.0)), np.float32(cells - 1))

@@ -92,44 +92,48 @@ def parted_patch(
 
 
 @kernel()
-def join_patches(patches, least_area, most_area, near_area, done):  # type: ignore[no-untyped-def]
-    """First rows of ``patches``, (n, 5) left, top, right, bottom, pixels: parts of one object are joined, repeatedly;
-    returns how many are left. done: (n, 5) scratch.
+def join_patches(patches, starts, least_area, most_area, near_area, done, left):  # type: ignore[no-untyped-def]
+    """First rows of each segment's ``patches``, (., 5) left, top, right, bottom, pixels, from ``starts`` (n + 1,) on:
+    parts of one object are joined, repeatedly; ``left``: (n,) how many there are, then how many are left. done: scratch
+    for the most of them.
 
     All are one where the area of the box around them is ``least_area`` to ``most_area``. Else two are joined where
     their gap is at most ``GAP_SHARE`` of the smaller one's size, and their common box is hardly larger than their own
     together: front and back of a car are, two cars side by side are not. From an area of ``near_area`` on, the common
     box may be as much larger as ``NEAR_SPREAD`` says.
     """
-    waiting, count = len(patches), 0
-    if waiting < 2:
-        return waiting
-    done[0] = patches[0]
-    for n in range(1, waiting):
-        _unite(done[0], patches[n])
-    if least_area <= _area(done[0]) <= most_area:
-        patches[0] = done[0]
-        return 1
-    while waiting > 0:
-        waiting -= 1
-        patch, part = patches[waiting], 0
-        while part < count and not _close(patch, done[part], near_area):
-            part += 1
-        if part == count:
-            done[count] = patch
-            count += 1
+    for segment in range(len(left)):
+        own, waiting, count = patches[starts[segment]:starts[segment + 1]], left[segment], 0
+        if waiting < 2:
             continue
-        _unite(patch, done[part])
-        waiting, count = waiting + 1, count - 1
-        for n in range(part, count):
-            done[n] = done[n + 1]
-    patches[:count] = done[:count]
-    return count
+        _put(own[0], done[0])
+        for n in range(1, waiting):
+            _unite(done[0], own[n])
+        if least_area <= (done[0, 2] - done[0, 0]) * (done[0, 3] - done[0, 1]) <= most_area:
+            waiting, count = 0, 1
+        while waiting > 0:
+            waiting -= 1
+            part = 0
+            while part < count and not _close(own[waiting], done[part], near_area):
+                part += 1
+            if part == count:
+                _put(own[waiting], done[count])
+                count += 1
+                continue
+            _unite(own[waiting], done[part])
+            waiting, count = waiting + 1, count - 1
+            for n in range(part, count):
+                _put(done[n + 1], done[n])
+        for n in range(count):
+            _put(done[n], own[n])
+        left[segment] = count
 
 
 @kernel()
-def _area(patch):  # type: ignore[no-untyped-def]
-    return (patch[2] - patch[0]) * (patch[3] - patch[1])
+def _put(patch, to):  # type: ignore[no-untyped-def]
+    """Copies a patch, (5,)."""
+    for n in range(5):  # an assignment of slices takes seconds to compile
+        to[n] = patch[n]
 
 
 @kernel()
@@ -143,7 +147,7 @@ def _unite(patch, other):  # type: ignore[no-untyped-def]
 @kernel()
 def _close(a, b, near_area):  # type: ignore[no-untyped-def]
     """Whether two patches, (5,), are parts of one object."""
-    one, other = _area(a), _area(b)
+    one, other = (a[2] - a[0]) * (a[3] - a[1]), (b[2] - b[0]) * (b[3] - b[1])
     gap = max(a[0] - b[2], b[0] - a[2], a[1] - b[3], b[1] - a[3])
     if gap > GAP_SHARE * math.sqrt(min(one, other)):  # of most pairs
         return False

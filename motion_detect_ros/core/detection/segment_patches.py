@@ -72,106 +72,91 @@ def segment_patches(
     largest, most = int(np.diff(tests.starts).max()), int(counts.max())
     cells = cells_of_all(segments)
 
-    def every(first: int) -> None:
-        _fill_all_patches(labels, tests.foreground, tests.gain, tests.boxes, tests.starts, *cells, edges.rows,
-                          edges.columns, np.float32(config.peak_share), *limits, first, parts, of_each,
-                          np.empty((2, largest), np.int32), np.empty((2, most + 1), np.int64),
-                          np.empty(largest, np.float32), np.empty(most, np.bool_), np.empty(most, np.float32),
-                          np.empty((most, 5), np.int64), patches, left)
+    def fill(first: int) -> None:
+        _fill_patches(labels, tests.foreground, tests.gain, tests.boxes, tests.starts, *cells, edges.rows,
+                      edges.columns, np.float32(config.peak_share), first, parts, of_each,
+                      np.empty((3, largest), np.int32), np.empty((2, most + 1), np.int64),
+                      np.empty(largest, np.float32), np.empty(most, np.bool_), np.empty(most, np.float32), patches,
+                      left)
 
-    HELPERS.share(every, range(parts))
+    HELPERS.share(fill, range(parts))
+    join_patches(patches, of_each, *limits, np.empty((most, 5), np.int64), left)
     return [[Patch(Box(*row[:4]), row[4]) for row in patches[start:start + count].tolist()]
             for start, count in zip(of_each.tolist(), left.tolist(), strict=False)]
 
 
 @kernel()
-def _fill_all_patches(  # type: ignore[no-untyped-def]
+def _fill_patches(  # type: ignore[no-untyped-def]
     labels, masks, gains, boxes, starts, cell_rows, cell_columns, cell_starts, row_edges, column_edges, peak_share,
-    least_area, most_area, near_area, first, step, of_each, places, label_starts, ordered, touches, limits, done,
-    patches, left,
+    first, step, of_each, places, label_starts, ordered, touches, limits, patches, left,
 ):
-    """``patches``: (., 5), those of every ``step``-th segment from ``of_each``, (n + 1,), on; ``left``: (n,) their
-    numbers. labels, masks, gains: (.,) of regions (n, 4), which begin at ``starts``; scratch as ``_fill_patches`` and
-    ``join_patches``, for the largest.
+    """``patches``: (., 5) left, top, right, bottom, number of the pixels near the peak gain of each label, of every
+    ``step``-th segment from ``of_each``, (n + 1,), on; only those that touch its cells, and are not too small, ``left``
+    (n,) in number.
+
+    labels, masks, gains: (.,) of regions (n, 4), which begin at ``starts``; cells: (.,), those of each segment begin at
+    ``cell_starts``, on a grid whose cells begin and end at the edges (gh + 1,), (gw + 1,). Scratch for the largest
+    region and most labels: places: (3, .) int32, ordered: (.,); label_starts: (2, . + 1), touches, limits: (.,).
     """
     for n in range(first, len(boxes), step):
-        shape = boxes[n, 3] - boxes[n, 1], boxes[n, 2] - boxes[n, 0]
-        start, end, count = starts[n], starts[n + 1], of_each[n + 1] - of_each[n]
+        west, north, columns = boxes[n, 0], boxes[n, 1], boxes[n, 2] - boxes[n, 0]
+        rows, start, count = boxes[n, 3] - boxes[n, 1], starts[n], of_each[n + 1] - of_each[n]
         own = patches[of_each[n]:of_each[n + 1]]
-        label_starts[:], touches[:] = 0, False
-        _fill_patches(labels[start:end].reshape(shape), masks[start:end].reshape(shape),
-                      gains[start:end].reshape(shape), cell_rows[cell_starts[n]:cell_starts[n + 1]],
-                      cell_columns[cell_starts[n]:cell_starts[n + 1]], row_edges, column_edges, boxes[n, 0],
-                      boxes[n, 1], peak_share, places, label_starts[:, :count + 1], ordered, touches[:count],
-                      limits[:count], own)
-        kept = 0
+        number = _gather(labels, masks, gains, start, rows, columns, count, places, label_starts, ordered)
+        for label in range(count):
+            touches[label], limits[label], own[label, 0], own[label, 1] = False, np.inf, columns, rows
+        for m in range(cell_starts[n], cell_starts[n + 1]):
+            r, c = cell_rows[m], cell_columns[m]
+            _note_touched(labels, masks, start, columns, max(0, row_edges[r] - north),
+                          min(rows, row_edges[r + 1] - north), max(0, column_edges[c] - west),
+                          min(columns, column_edges[c + 1] - west), touches)
+        for label in range(count):
+            if touches[label] and label_starts[0, label + 1] - label_starts[0, label] >= MIN_PIXELS:
+                limits[label] = peak_share * percentile(
+                    ordered[label_starts[0, label]:label_starts[0, label + 1]], PEAK_PERCENTILE)
+        for m in range(number):
+            y, x, label = places[0, m], places[1, m], places[2, m]
+            if gains[start + y * columns + x] > limits[label]:
+                own[label, 0], own[label, 1] = min(own[label, 0], x), min(own[label, 1], y)
+                own[label, 2], own[label, 3] = max(own[label, 2], x + 1), y + 1
+                own[label, 4] += 1
+        left[n] = 0
         for label in range(count):
             if own[label, 4] >= MIN_PIXELS:
-                own[kept] = own[label]
-                kept += 1
-        left[n] = join_patches(own[:kept], least_area, most_area, near_area, done)
+                for side in range(5):  # an assignment of slices takes seconds to compile
+                    own[left[n], side] = own[label, side]
+                left[n] += 1
 
 
 @kernel()
-def _fill_patches(  # type: ignore[no-untyped-def]
-    labels, mask, gain, cell_rows, cell_columns, row_edges, column_edges, left, top, peak_share, places, starts, gains,
-    touches, limits, patches,
-):
-    """``patches``: (count, 5) left, top, right, bottom, number of the pixels near the peak gain of each label; number 0
-    where the label does not touch the cells (n,) of a grid, which begin and end at ``row_edges`` (gh + 1,) and
-    ``column_edges`` (gw + 1,), or is too small.
-
-    labels, mask, gain: (h, w), at left, top of it; scratch: places: (2, h * w) int32; starts: (2, count + 1) zeros,
-    where the pixels of each label begin in ``gains`` (h * w,), and are filled so far; touches: (count,) False; limits:
-    (count,).
+def _gather(labels, masks, gains, start, rows, columns, count, places, starts, ordered):  # type: ignore[no-untyped-def]
+    """``places``: row, column and label of each pixel of a mask, in raster order; returns their number. ``ordered``:
+    gains of the pixels of label after label, which begin at ``starts[0]``.
     """
-    rows, columns = labels.shape
-    number = _gather(labels, mask, gain, places, starts[0], starts[1], gains)
-    for n in range(len(cell_rows)):
-        r, c = cell_rows[n], cell_columns[n]
-        _note_touched(labels, mask, max(0, row_edges[r] - top), min(rows, row_edges[r + 1] - top),
-                      max(0, column_edges[c] - left), min(columns, column_edges[c + 1] - left), touches)
-    for label in range(len(limits)):
-        start, end = starts[0, label], starts[0, label + 1]
-        limits[label], patches[label, 0], patches[label, 1] = np.inf, columns, rows
-        if touches[label] and end - start >= MIN_PIXELS:
-            limits[label] = peak_share * percentile(gains[start:end], PEAK_PERCENTILE)
-    for n in range(number):
-        y, x = places[0, n], places[1, n]
-        label = labels[y, x]
-        if gain[y, x] > limits[label]:
-            patch = patches[label]
-            patch[0], patch[1], patch[2], patch[3] = min(patch[0], x), min(patch[1], y), max(patch[2], x + 1), y + 1
-            patch[4] += 1
-
-
-@kernel()
-def _gather(labels, mask, gain, places, starts, filled, gains):  # type: ignore[no-untyped-def]
-    """``places``: row and column of each pixel of ``mask``, in raster order; returns their number. ``gains``: of the
-    pixels of label after label, which begin at ``starts``, (count + 1,) zeros like ``filled``.
-    """
-    rows, columns = labels.shape
     number = 0
+    for label in range(count + 1):
+        starts[0, label] = 0
     for y in range(rows):
         for x in range(columns):
-            if mask[y, x]:
-                places[0, number], places[1, number] = y, x
+            if masks[start + y * columns + x]:
+                label = labels[start + y * columns + x]
+                places[0, number], places[1, number], places[2, number] = y, x, label
                 number += 1
-                starts[labels[y, x] + 1] += 1
-    for label in range(len(starts) - 1):
-        starts[label + 1] += starts[label]
-        filled[label] = starts[label]
-    for n in range(number):
-        label = labels[places[0, n], places[1, n]]
-        gains[filled[label]] = gain[places[0, n], places[1, n]]
-        filled[label] += 1
+                starts[0, label + 1] += 1
+    for label in range(count):
+        starts[0, label + 1] += starts[0, label]
+        starts[1, label] = starts[0, label]
+    for m in range(number):
+        label = places[2, m]
+        ordered[starts[1, label]] = gains[start + places[0, m] * columns + places[1, m]]
+        starts[1, label] += 1
     return number
 
 
 @kernel()
-def _note_touched(labels, mask, top, bottom, left, right, touches):  # type: ignore[no-untyped-def]
-    """``touches``: True at the labels of pixels in a window."""
+def _note_touched(labels, masks, start, columns, top, bottom, left, right, touches):  # type: ignore[no-untyped-def]
+    """``touches``: True at the labels of pixels of a mask in a window; what is of its region begins at ``start``."""
     for y in range(top, bottom):
-        for x in range(left, right):
-            if mask[y, x]:
-                touches[labels[y, x]] = True
+        for n in range(start + y * columns + left, start + y * columns + right):
+            if masks[n]:
+                touches[labels[n]] = True

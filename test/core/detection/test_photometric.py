@@ -26,7 +26,8 @@ from motion_detect_ros.core.detection.photometric import (
     photometric_tests,
     reach_px,
 )
-from motion_detect_ros.core.detection.prediction_errors import PredictionErrors, row_means
+from motion_detect_ros.core.detection.photometric_kernels import row_means
+from motion_detect_ros.core.detection.prediction_errors import PredictionErrors
 from motion_detect_ros.core.detection.segment_patches import CellEdges, JoinLimits, segment_patches
 from motion_detect_ros.core.detection.segments import Segment
 from motion_detect_ros.core.geometry.boxes import Box
@@ -247,11 +248,11 @@ def test_rows_of_a_grid_are_those_of_opencv(box: Box) -> None:
     grid = np.random.default_rng(6).normal(0.0, 4.0, (ROWS, COLUMNS, 2)).astype(np.float32)
     expected = bilinear_grid(grid)[box.top:box.bottom, box.left:box.right]
     west, share = np.empty(box.width, np.uint32), np.empty(box.width, np.float32)
-    find_columns(box.left, COLUMNS, WIDTH, west, share)
+    find_columns(box.left, COLUMNS, WIDTH, box.width, west, share)
     for rows in (range(box.height), range(0, box.height, 7), range(box.height - 1, -1, -3)):  # however far apart
         above, lines, line = -1, np.empty((4, box.width), np.float32), np.empty((2, box.width), np.float32)
         for row in rows:
-            above = enlarge_row(grid, box.top + row, HEIGHT, west, share, above, lines, line)
+            above = enlarge_row(grid, box.top + row, HEIGHT, box.width, west, share, above, lines, line)
             np.testing.assert_allclose(line.T, expected[row], atol=1e-4)
 
 
