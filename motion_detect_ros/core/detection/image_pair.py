@@ -1,4 +1,4 @@
-"""Current and earlier image, and how well a flow predicts the grey values of the one from the other."""
+"""Current and earlier image, and the noise of their grey values."""
 
 from __future__ import annotations
 

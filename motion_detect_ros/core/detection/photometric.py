@@ -91,16 +91,18 @@ def photometric_tests(
     sides, known = boxes[:, 2:4] - boxes[:, :2], background.errors
     starts = np.concatenate([[0], np.cumsum(sides.prod(axis=1))])
     foreground, gain = np.zeros(starts[-1], np.bool_), np.empty(starts[-1], np.float32)
-    reach = 2 * np.maximum(boxes[:, 4:], BESIDE_PX) + 2 * BESIDE_PX
-    (width, height), area = (sides + reach).max(axis=0).tolist(), int((sides + reach).prod(axis=1).max())
+    size = np.array(pair.current.shape[::-1])
+    windows = np.minimum(sides + 2 * np.maximum(boxes[:, 4:], BESIDE_PX), size)  # at most so large
+    width, height = (windows.max(axis=0) + 2 * BESIDE_PX).tolist()
+    pixels, area = int(np.diff(starts).max()), int(windows.prod(axis=1).max())
 
     def every(first: int) -> None:
-        compare(*pair.pictures, pair.back, known.values, known.box.left, known.box.top, boxes, background.flow,
-                 motions, np.float32(noise_gray ** 2), np.float32((noise_gray * threshold_sigma) ** 2),
-                 np.float32(threshold_sigma ** 2), first, parts, np.empty((2, width), np.uint32),
-                 np.empty((4, width), np.uint8), np.empty((9, width), np.float32), np.empty(width, np.int32),
-                 np.empty(area, np.uint16), np.empty((height, 2), np.int64), np.empty((area, 4), np.int32),
-                 np.empty(area, np.bool_), starts, foreground, gain)
+        compare(*pair.pictures, pair.back, known.values, known.box.left, known.box.top, boxes, background.flow, motions,
+                np.float32(noise_gray ** 2), np.float32((noise_gray * threshold_sigma) ** 2),
+                np.float32(threshold_sigma ** 2), first, parts, np.empty((2, width), np.uint32),
+                np.empty((4, width), np.uint8), np.empty((9, width), np.float32), np.empty(width, np.int32),
+                np.empty(area, np.uint16), np.empty((height, 2), np.int64), np.empty((pixels, 4), np.int32),
+                np.empty(area, np.bool_), starts, foreground, gain)
 
     HELPERS.share(every, range(parts))
     tests = PhotometricTests(boxes[:, :4], starts, foreground, gain)

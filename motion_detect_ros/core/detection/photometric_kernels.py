@@ -28,9 +28,9 @@ def compare(  # type: ignore[no-untyped-def]
     each begin at ``starts``, (n + 1,).
 
     errors: of the background, at errors_left, errors_top; boxes: (n, 5) left, top, right, bottom, reach; motions: (n,
-    2); change: mean error from which the image changed; masks: False; scratch for the largest region with what it
-    reaches to: moved: uint16, over: bool, (.,); spans: (., 2); origins: (., 4) int32; indices: (2, .) uint32, corners:
-    (4, .) uint8, rows: (9, .), sums: (.,) int32.
+    2); change: mean error from which the image changed; masks: False; scratch for the largest region: origins: (., 4)
+    int32; with what it reaches to: moved: uint16, over: bool, (.,); spans: (., 2); of two columns more than that:
+    indices: (2, .) uint32, corners: (4, .) uint8, rows: (9, .), sums: (.,) int32.
     """
     slack, size = SLACK_PX // 2, current.shape
     for n in range(first, len(boxes), step):
