@@ -317,6 +317,19 @@ def test_regions_together_are_as_each_by_itself(pair: ImagePair) -> None:
             np.testing.assert_array_equal(one.gain, other.gain)
 
 
+def test_what_a_pixel_is_does_not_depend_on_the_region_around_it(pair: ImagePair) -> None:
+    """Nor do changes near its origin, of which a part lies beyond all origins of a region of one pixel."""
+    grid = np.random.default_rng(6).normal(0.0, 0.4, (ROWS, COLUMNS, 2)).astype(np.float32)
+    region, reach = Box(15, 12, 115, 78), reach_px(MOTION + 2.0)
+    whole, = photometric_test(pair, [Place(region, reach, MOTION)], grid, 3.0, 3.0)
+    rows, columns = np.mgrid[region.top:region.bottom:3, region.left:region.right:3].reshape(2, -1)
+    places = [Place(Box(column, row, column + 1, row + 1), reach, MOTION)
+              for row, column in zip(rows.tolist(), columns.tolist(), strict=True)]
+    alone = np.array([each.foreground[0, 0] for each in photometric_test(pair, places, grid, 3.0, 3.0)])
+    assert 100 < alone.sum() < len(alone) - 100
+    np.testing.assert_array_equal(alone, whole.foreground[rows - region.top, columns - region.left])
+
+
 def test_motions_of_segments_are_the_medians_of_their_cells() -> None:
     grid = field(np.random.default_rng(7))
     rows, columns = np.nonzero(np.isfinite(grid.residual[..., 0]))
