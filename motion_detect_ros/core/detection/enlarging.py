@@ -9,7 +9,7 @@ from motion_detect_ros.core.kernels import kernel
 
 @kernel(error_model='numpy')
 def find_columns(left, columns, width, count, west, share):  # type: ignore[no-untyped-def]
-    """``west``: (.,) uint32 cell left of the centre of each of ``count`` pixels; ``share``: (.,) of the way to another.
+    """``west``: (.,) uint32 cell left of the centre of ``count`` pixels each; ``share``: (.,) of the way to the next.
 
     They are those from ``left`` on of a row of ``width`` pixels with this many cells over it.
     """

@@ -13,13 +13,7 @@ from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.image_pair import ImagePair, image_noise
 from motion_detect_ros.core.detection.motion_field import MotionField, cells_of
 from motion_detect_ros.core.detection.patches import Patch, parted_patch
-from motion_detect_ros.core.detection.photometric import (
-    BackgroundMotion,
-    PhotometricTest,
-    Place,
-    photometric_tests,
-    reach_px,
-)
+from motion_detect_ros.core.detection.photometric import PhotometricTest, Place, photometric_tests, reach_px
 from motion_detect_ros.core.detection.prediction_errors import PredictionErrors
 from motion_detect_ros.core.detection.scoring import log_odds
 from motion_detect_ros.core.detection.segment_patches import CellEdges, JoinLimits, segment_patches
@@ -80,15 +74,15 @@ class ObjectFinder:
         noise_gray = image_noise(pair, grid_points(*grid, width, height), background_flow)
         places = [_place(segment, field, motion, against, width, height)
                   for segment, (motion, against) in zip(segments, field.motions_of(segments), strict=True)]
-        background = BackgroundMotion(background_flow, PredictionErrors.near(
-            pair, [each.region.grown(each.reach, width, height) for each in places], background_flow))
+        background = PredictionErrors.near(
+            pair, [each.region.grown(each.reach, width, height) for each in places], background_flow)
         parts = HELPERS.parts(len(segments), LEAST_SEGMENTS)
         tests = photometric_tests(pair, background, places, noise_gray, self._config.photometric_sigma, parts)
         limits = self._limits(width * height) if field.background.smooth else JoinLimits()
         patches = segment_patches(tests, segments, CellEdges.of(grid, (height, width)), self._config, limits, parts)
         if field.background.smooth:  # before one in space the test reaches far beside the segment, where flow leaks
-            patches = [self._parted(each, segments[n], tests[n], places[n].region, grid, (height, width))
-                       for n, each in enumerate(patches)]
+            patches = [self._parted(patches[n], limits.near_area, segment, tests[n], places[n].region, grid,
+                                    (height, width)) for n, segment in enumerate(segments)]
         patches = [[patch.moved(place.region.left, place.region.top) for patch in each
                     if is_allowed((patch.box.width, patch.box.height), width * height, self._config)]
                    for each, place in zip(patches, places, strict=True)]
@@ -103,11 +97,11 @@ class ObjectFinder:
                           NEAR_SHARE * image_area)
 
     def _parted(
-        self, patches: list[Patch], segment: Segment, test: PhotometricTest, region: Box, grid: tuple[int, int],
-        size: tuple[int, int],
+        self, patches: list[Patch], near_area: float, segment: Segment, test: PhotometricTest, region: Box,
+        grid: tuple[int, int], size: tuple[int, int],
     ) -> list[Patch]:
         """Those of a segment, each of what holds several objects; grid, size: rows and columns, height and width."""
-        usual_area, near_area = self._usual.area, NEAR_SHARE * math.prod(size)
+        usual_area = self._usual.area
         if usual_area is None or not any(LARGER * usual_area <= patch.box.area < near_area for patch in patches):
             return patches
         own = segment.pixels(region, grid, size)

@@ -28,16 +28,6 @@ from motion_detect_ros.core.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)
-class BackgroundMotion:
-    """``flow``: (gh, gw, 2) beyond the ego-motion on a grid over the image, pixels over the pair, (1, 1, 2) where it is
-    the same everywhere; ``errors``: under it.
-    """
-
-    flow: FloatArray
-    errors: PredictionErrors
-
-
-@dataclass(frozen=True)
 class Place:
     """``region`` that an object may cover; ``reach``: how far beyond it its pixels may come from (``reach_px``), those
     from farther away count as background; ``motion``: (2,) over the pair, beyond the ego-motion; working pixels.
@@ -79,16 +69,16 @@ class PhotometricTests:
 
 
 def photometric_tests(
-    pair: ImagePair, background: BackgroundMotion, places: Sequence[Place], noise_gray: float, threshold_sigma: float,
+    pair: ImagePair, background: PredictionErrors, places: Sequence[Place], noise_gray: float, threshold_sigma: float,
     parts: int = 1,
 ) -> PhotometricTests:
     """Which pixels of each place its motion explains better than the background, by ``threshold_sigma`` noise levels.
 
-    Errors of ``background`` are known within the places' reach; noise_gray: one deviation; parts: threads.
+    background: errors under its flow, known within the places' reach; noise_gray: one deviation; parts: threads.
     """
     boxes = np.array([(*each.region.edges, each.reach) for each in places])
     motions = np.stack([each.motion for each in places])
-    sides, known = boxes[:, 2:4] - boxes[:, :2], background.errors
+    sides = boxes[:, 2:4] - boxes[:, :2]
     starts = np.concatenate([[0], np.cumsum(sides.prod(axis=1))])
     foreground, gain = np.zeros(starts[-1], np.bool_), np.empty(starts[-1], np.float32)
     size = np.array(pair.current.shape[::-1])
@@ -97,12 +87,12 @@ def photometric_tests(
     pixels, area = int(np.diff(starts).max()), int(windows.prod(axis=1).max())
 
     def every(first: int) -> None:
-        compare(*pair.pictures, pair.back, known.values, known.box.left, known.box.top, boxes, background.flow, motions,
-                np.float32(noise_gray ** 2), np.float32((noise_gray * threshold_sigma) ** 2),
-                np.float32(threshold_sigma ** 2), first, parts, np.empty((2, width), np.uint32),
-                np.empty((4, width), np.uint8), np.empty((9, width), np.float32), np.empty(width, np.int32),
-                np.empty(area, np.uint16), np.empty((height, 2), np.int64), np.empty((pixels, 4), np.int32),
-                np.empty(area, np.bool_), starts, foreground, gain)
+        compare(*pair.pictures, pair.back, background.values, background.box.left, background.box.top, boxes,
+                background.flow, motions, np.float32(noise_gray ** 2),
+                np.float32((noise_gray * threshold_sigma) ** 2), np.float32(threshold_sigma ** 2), first, parts,
+                np.empty((2, width), np.uint32), np.empty((4, width), np.uint8), np.empty((9, width), np.float32),
+                np.empty(width, np.int32), np.empty(area, np.uint16), np.empty((height, 2), np.int64),
+                np.empty((pixels, 4), np.int32), np.empty(area, np.bool_), starts, foreground, gain)
 
     HELPERS.share(every, range(parts))
     tests = PhotometricTests(boxes[:, :4], starts, foreground, gain)

@@ -171,7 +171,8 @@ def _any_near(values, wide, column, row, high):  # type: ignore[no-untyped-def]
 def fill_tiles(  # type: ignore[no-untyped-def]
     current, reference, back, left, top, flow, tile_px, wanted, first, step, indices, corners, rows, errors,
 ):
-    """``errors``: (h, w) at left, top of the current image, in every ``step``-th row of tiles, ``wanted`` or not.
+    """``errors``: (h, w) at left, top of the current image, of the tiles that are ``wanted``, (th, tw), in every
+    ``step``-th row of them.
 
     flow: (gh, gw, 2) of a grid over the image, (1, 1, 2) where it is the same everywhere; scratch: indices: (2, w)
     uint32, corners: (4, w) uint8, rows: (9, w).

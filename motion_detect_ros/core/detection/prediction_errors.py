@@ -23,20 +23,22 @@ LEAST_TILES = 60
 @dataclass(frozen=True)
 class PredictionErrors:
     """``values``: (h, w) uint16 squared errors of the pixels of ``box``, which holds all that are asked for and those
-    beside them.
+    beside them; ``flow``: (gh, gw, 2) beyond the ego-motion on a grid over the image, pixels over the pair, (1, 1, 2)
+    where it is the same everywhere.
     """
 
     values: npt.NDArray[np.uint16]
     box: Box
+    flow: FloatArray
 
     @classmethod
     def within(cls, pair: ImagePair, box: Box, flow: FloatArray) -> PredictionErrors:
         """Those of a box, under a ``flow`` beyond the ego-motion that is the same everywhere, (2,) pixels."""
         height, width = pair.current.shape
-        box = box.grown(BESIDE_PX, width, height)
+        box, flow = box.grown(BESIDE_PX, width, height), flow.reshape(1, 1, 2)
         values = np.empty((box.height, box.width), np.uint16)
-        _fill(pair, box, flow.reshape(1, 1, 2), max(values.shape), np.ones((1, 1), np.bool_), values, 1)
-        return cls(values, box)
+        _fill(pair, box, flow, max(values.shape), np.ones((1, 1), np.bool_), values, 1)
+        return cls(values, box, flow)
 
     @classmethod
     def near(cls, pair: ImagePair, boxes: Sequence[Box], flow: FloatArray) -> PredictionErrors:
@@ -48,7 +50,7 @@ class PredictionErrors:
         values = np.empty((height, width), np.uint16)
         _fill(pair, Box(0, 0, width, height), flow, TILE_PX, wanted, values,
               HELPERS.parts(int(wanted.sum()), LEAST_TILES))
-        return cls(values, Box(0, 0, width, height))
+        return cls(values, Box(0, 0, width, height), flow)
 
 
 def _fill(

@@ -9,7 +9,7 @@ import numpy as np
 
 from motion_detect_ros.core.config import ObjectsConfig
 from motion_detect_ros.core.detection.image_pair import ImagePair, image_noise
-from motion_detect_ros.core.detection.photometric import BackgroundMotion, Place, photometric_tests, reach_px
+from motion_detect_ros.core.detection.photometric import Place, photometric_tests, reach_px
 from motion_detect_ros.core.detection.prediction_errors import PredictionErrors
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.order_statistics import median
@@ -82,8 +82,7 @@ class BoxFitter:
         background, motion = self._motions(cluster, ago)
         region = _region(cluster, side_px, width, height)
         reach = reach_px(motion - background)
-        still = BackgroundMotion(background.reshape(1, 1, 2), PredictionErrors.within(
-            pair, region.grown(reach, width, height), background))
+        still = PredictionErrors.within(pair, region.grown(reach, width, height), background)
         test = photometric_tests(pair, still, [Place(region, reach, motion)], noise_gray,
                                  self._config.photometric_sigma)[0]
         places = self._points.now[cluster.members]

@@ -19,7 +19,6 @@ from motion_detect_ros.core.detection.motion_field import MotionField
 from motion_detect_ros.core.detection.objects import ObjectFinder
 from motion_detect_ros.core.detection.patches import Patch
 from motion_detect_ros.core.detection.photometric import (
-    BackgroundMotion,
     PhotometricTest,
     PhotometricTests,
     Place,
@@ -87,9 +86,9 @@ def photometric_test(
         window = windows[0]
         for each in windows[1:]:
             window = window.union(each)
-        background = BackgroundMotion(flow.reshape(1, 1, 2), PredictionErrors.within(pair, window, flow))
+        background = PredictionErrors.within(pair, window, flow)
     else:
-        background = BackgroundMotion(flow, PredictionErrors.near(pair, windows, flow))
+        background = PredictionErrors.near(pair, windows, flow)
     return list(photometric_tests(pair, background, places, noise_gray, threshold, parts))
 
 
