@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import Future, wait
 from typing import Generic, TypeVar
 
-from motion_detect_ros.core.threads import threads
+from motion_detect_ros.core.threads import ApartPool, threads
 
 Outcome = TypeVar('Outcome')
 
@@ -22,7 +22,7 @@ class Deferred(Generic[Outcome]):
 
     def __init__(self, name: str) -> None:
         """name: of the thread."""
-        self._pool = ThreadPoolExecutor(1, name)
+        self._pool = ApartPool(1, name)
         self._future: Future[Outcome] | None = None
 
     def start(self, job: Callable[[], Outcome]) -> bool:

@@ -2,17 +2,23 @@
 
 Those of OpenCV wait for their next call in a loop, which costs up to a quarter of all processor time. So, once ``use``
 is called, two threads are this package's own, and OpenCV keeps to the one that calls it; of more, OpenCV's have a use
-inside of its dense flow.
+inside of its dense flow. Its own begin on another processor than the one that gives them work.
 """
 
 from __future__ import annotations
 
+import ctypes
+import os
+import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from typing import TypeVar
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from typing import Any, TypeVar
 
 import cv2
+
+#: The C library, called without giving Python's lock away.
+_LIBRARY = ctypes.PyDLL(None)
 
 Part = TypeVar('Part')
 Outcome = TypeVar('Outcome')
@@ -46,13 +52,42 @@ def limited(count: int) -> Iterator[None]:
         cv2.setNumThreads(opencv)
 
 
+class ApartPool(ThreadPoolExecutor):
+    """Threads that begin on another processor than the one that gives them work.
+
+    Linux often wakes a thread where who wakes it goes on running, and moves it some milliseconds later: as long as what
+    is shared out takes.
+    """
+
+    def __init__(self, count: int, name: str) -> None:
+        """count: of threads; name: of them."""
+        self._ids: list[int] = []
+        self._kept: tuple[int, set[int]] = (0, set())
+        super().__init__(count, name, initializer=lambda: self._ids.append(threading.get_native_id()))
+
+    def submit(self, fn: Callable[..., Outcome], /, *args: Any, **kwargs: Any) -> Future[Outcome]:
+        """As of the base class; where the system cannot say which processors there are, no more than that."""
+        with suppress(OSError, AttributeError):
+            self._keep_apart()
+        return super().submit(fn, *args, **kwargs)
+
+    def _keep_apart(self) -> None:
+        """From the caller's processor, where the process may use another. Raises: OSError, AttributeError."""
+        allowed = os.sched_getaffinity(os.getpid())  # of the main thread: the caller may be kept to some of them itself
+        keep = len(self._ids), allowed - {_LIBRARY.sched_getcpu()} or allowed
+        if keep != self._kept:
+            for each in self._ids[:keep[0]]:
+                os.sched_setaffinity(each, keep[1])
+            self._kept = keep
+
+
 class Helpers:
     """Threads that do parts of one thing beside their caller, where OpenCV has one thread only."""
 
     def __init__(self, name: str) -> None:
         """name: of the threads."""
         self._name = name
-        self._pools: dict[int, ThreadPoolExecutor] = {}
+        self._pools: dict[int, ApartPool] = {}
 
     @staticmethod
     def parts(size: int, least: int) -> int:
@@ -64,7 +99,7 @@ class Helpers:
         if len(parts) == 1:
             return [function(parts[0])]
         pool = self._pools.get(len(parts)) or self._pools.setdefault(
-            len(parts), ThreadPoolExecutor(len(parts) - 1, self._name))
+            len(parts), ApartPool(len(parts) - 1, self._name))
         waiting = [pool.submit(function, part) for part in parts[1:]]
         done = [function(parts[0])]
         for part, future in zip(parts[1:], waiting, strict=True):  # who waits for a busy thread does its work

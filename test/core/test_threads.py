@@ -6,11 +6,16 @@ import os
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
 
 import cv2
 import pytest
 
-from motion_detect_ros.core.threads import Helpers, limited, threads, use
+from motion_detect_ros.core.threads import ApartPool, Helpers, limited, threads, use
+
+Outcome = TypeVar('Outcome')
 
 
 @pytest.mark.parametrize(('count', 'opencv'), [(1, 1), (2, 1), (4, 4)])
@@ -87,3 +92,75 @@ def test_threads_of_numpy_do_not_wait_in_a_loop() -> None:
     environment = {name: value for name, value in os.environ.items() if not name.startswith(('OPENBLAS', 'OMP'))}
     done = subprocess.run([sys.executable, '-c', code], env=environment, capture_output=True, text=True, check=True)
     assert float(done.stdout) < 0.15
+
+
+PROCESSORS = os.sched_getaffinity(0)
+ONE = max(PROCESSORS)
+needs_two = pytest.mark.skipif(len(PROCESSORS) < 2, reason='one processor only: nowhere to be apart')
+
+
+def kept_to_one(function: Callable[[], Outcome]) -> Outcome:
+    """What it returns to a thread that may run on the processor ``ONE`` only."""
+    with ThreadPoolExecutor(1, initializer=lambda: os.sched_setaffinity(0, {ONE})) as caller:
+        return caller.submit(function).result(60.0)
+
+
+def allowed() -> set[int]:
+    return os.sched_getaffinity(0)
+
+
+@needs_two
+def test_work_is_done_on_another_processor_than_its_caller_s() -> None:
+    pool = ApartPool(1, 'test')
+    seen = kept_to_one(lambda: [pool.submit(allowed).result(60.0) for _ in range(3)])
+    assert seen[1:] == [PROCESSORS - {ONE}] * 2
+    assert allowed() == PROCESSORS, 'other threads are left alone'
+
+
+@needs_two
+def test_a_thread_that_is_kept_apart_shares_out_to_all_processors_but_its_own() -> None:
+    """Not to those only that it may run on itself."""
+    outer, inner = ApartPool(1, 'outer'), ApartPool(1, 'inner')
+
+    def share_out() -> list[set[int]]:
+        return [allowed(), *(inner.submit(allowed).result(60.0) for _ in range(2))]
+
+    own, _, seen = kept_to_one(lambda: [outer.submit(share_out).result(60.0) for _ in range(2)])[1]
+    assert own == PROCESSORS - {ONE}
+    assert ONE in seen and len(seen) == len(PROCESSORS) - 1
+
+
+@needs_two
+def test_threads_that_came_later_are_kept_apart_too() -> None:
+    pool, both = ApartPool(2, 'test'), threading.Barrier(2, timeout=60.0)
+
+    def seen() -> set[int]:
+        both.wait()
+        return allowed()
+
+    def two() -> list[set[int]]:
+        return [each.result(60.0) for each in [pool.submit(seen), pool.submit(seen)]]
+
+    kept_to_one(lambda: [pool.submit(int).result(60.0) for _ in range(2)])
+    assert kept_to_one(lambda: (two(), two()))[1] == [PROCESSORS - {ONE}] * 2
+
+
+def test_with_one_processor_it_is_done_there() -> None:
+    try:
+        os.sched_setaffinity(0, {ONE})
+        pool = ApartPool(1, 'test')
+        assert [pool.submit(allowed).result(60.0) for _ in range(3)] == [{ONE}] * 3
+    finally:
+        os.sched_setaffinity(0, PROCESSORS)
+
+
+def refuse(*_: object) -> None:
+    raise PermissionError('not permitted')
+
+
+def test_where_the_system_says_no_it_is_done_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, 'sched_setaffinity', refuse)
+    pool = ApartPool(1, 'test')
+    assert [pool.submit(int, 7).result(60.0) for _ in range(3)] == [7] * 3
+    monkeypatch.delattr(os, 'sched_getaffinity')
+    assert pool.submit(int, 8).result(60.0) == 8

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
@@ -16,7 +15,7 @@ from motion_detect_ros.core.geometry.warp import at_scale, stabilise
 from motion_detect_ros.core.optical_flow.alternatives.regions import RegionsOfInterest, confined
 from motion_detect_ros.core.optical_flow.conversion import total_flow
 from motion_detect_ros.core.periods import Every
-from motion_detect_ros.core.threads import threads
+from motion_detect_ros.core.threads import ApartPool, threads
 from motion_detect_ros.core.types import EgoMotion, FloatArray, FlowField, PreparedFrame
 
 
@@ -25,7 +24,7 @@ class OpticalFlowStage:
 
     def __init__(self, config: PipelineConfig) -> None:
         """Raises: BackendError where the method is not in this installation."""
-        self._pool = ThreadPoolExecutor(1, 'backward_flow')
+        self._pool = ApartPool(1, 'backward_flow')
         self.use_config(config)
         self._regions = RegionsOfInterest(self._config.full_every)
         self._every = Every(self._config.every_s, eager=True)
