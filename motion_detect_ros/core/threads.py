@@ -8,11 +8,11 @@ inside of its dense flow. Its own begin on another processor than the one that g
 from __future__ import annotations
 
 import ctypes
-import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from os import getpid, sched_getaffinity, sched_setaffinity
 from typing import Any, TypeVar
 
 import cv2
@@ -55,8 +55,8 @@ def limited(count: int) -> Iterator[None]:
 class ApartPool(ThreadPoolExecutor):
     """Threads that begin on another processor than the one that gives them work.
 
-    Linux often wakes a thread where who wakes it goes on running, and moves it some milliseconds later: as long as what
-    is shared out takes.
+    Linux often wakes a thread where who wakes it goes on running, and moves it up to a millisecond later, which is
+    about what a part takes.
     """
 
     def __init__(self, count: int, name: str) -> None:
@@ -73,11 +73,11 @@ class ApartPool(ThreadPoolExecutor):
 
     def _keep_apart(self) -> None:
         """From the caller's processor, where the process may use another. Raises: OSError, AttributeError."""
-        allowed = os.sched_getaffinity(os.getpid())  # of the main thread: the caller may be kept to some of them itself
+        allowed = sched_getaffinity(getpid())  # of the main thread: the caller may be kept to some of them itself
         keep = len(self._ids), allowed - {_LIBRARY.sched_getcpu()} or allowed
         if keep != self._kept:
             for each in self._ids[:keep[0]]:
-                os.sched_setaffinity(each, keep[1])
+                sched_setaffinity(each, keep[1])
             self._kept = keep
 
 

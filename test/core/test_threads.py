@@ -13,6 +13,7 @@ from typing import TypeVar
 import cv2
 import pytest
 
+from motion_detect_ros.core import threads as core_threads
 from motion_detect_ros.core.threads import ApartPool, Helpers, limited, threads, use
 
 Outcome = TypeVar('Outcome')
@@ -159,8 +160,8 @@ def refuse(*_: object) -> None:
 
 
 def test_where_the_system_says_no_it_is_done_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, 'sched_setaffinity', refuse)
+    monkeypatch.setattr(core_threads, 'sched_setaffinity', refuse)
     pool = ApartPool(1, 'test')
     assert [pool.submit(int, 7).result(60.0) for _ in range(3)] == [7] * 3
-    monkeypatch.delattr(os, 'sched_getaffinity')
+    monkeypatch.setattr(core_threads, '_LIBRARY', object())  # one without the function
     assert pool.submit(int, 8).result(60.0) == 8
