@@ -147,6 +147,9 @@ turn; KITTI and 100 objects of the default: no change) | \
 | the same live (`soak --real --preset visdrone`, 305 at 20 Hz, two runs of 54 s in turn, the slower machine: image to \
 detections, median; 95th percentile; dropped of 1080. 8 minutes of it, before and after, not in one hour: 83, 34 ms; \
 451, 10 of 9600 dropped) | 36 to 52; 70 to 114 ms; 6 to 7 | 21 to 23; 34 to 55 ms; 0 to 3 |
+| the same live with four nodes (`bench --parts transport_clip`, image to detections, median; at 10 Hz, two runs; at \
+20 Hz, with which four processes overload this machine, three runs): little | 62 to 64; 45 to 100 ms | 60; 70 to 106 \
+ms |
 | `replay`, `demo` and `tune` have missing kernels compiled by other processes first, and say so (first replay of 12 \
 frames after an installation, `visdrone`, two runs in turn) | 23.5, 26.9 s | 15.5, 15.5 s |
 
