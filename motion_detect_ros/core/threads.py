@@ -52,11 +52,16 @@ def limited(count: int) -> Iterator[None]:
         cv2.setNumThreads(opencv)
 
 
+def _opencv_keeps_to_callers() -> bool:
+    """Whether OpenCV has no threads beside the one that calls it."""
+    return cv2.getNumThreads() <= 1
+
+
 class ApartPool(ThreadPoolExecutor):
     """Threads that begin on another processor than the one that gives them work.
 
     Linux often wakes a thread where who wakes it goes on running, and moves it up to a millisecond later, which is
-    about what a part takes.
+    about what a part takes. Not where OpenCV has threads: those that it starts from here would be kept apart for good.
     """
 
     def __init__(self, count: int, name: str) -> None:
@@ -67,8 +72,9 @@ class ApartPool(ThreadPoolExecutor):
 
     def submit(self, fn: Callable[..., Outcome], /, *args: Any, **kwargs: Any) -> Future[Outcome]:
         """As of the base class; where the system cannot say which processors there are, no more than that."""
-        with suppress(OSError, AttributeError):
-            self._keep_apart()
+        if _opencv_keeps_to_callers():
+            with suppress(OSError, AttributeError):
+                self._keep_apart()
         return super().submit(fn, *args, **kwargs)
 
     def _keep_apart(self) -> None:
@@ -92,7 +98,7 @@ class Helpers:
     @staticmethod
     def parts(size: int, least: int) -> int:
         """In how many parts to do something of that size, of which less than ``least`` is not worth a thread."""
-        return 1 if cv2.getNumThreads() > 1 else max(1, min(threads(), size // least))
+        return max(1, min(threads(), size // least)) if _opencv_keeps_to_callers() else 1
 
     def share(self, function: Callable[[Part], Outcome], parts: Sequence[Part]) -> list[Outcome]:
         """``function`` of every part, in their order, the first by the caller. Raises: what it raises."""

@@ -102,7 +102,7 @@ needs_two = pytest.mark.skipif(len(PROCESSORS) < 2, reason='one processor only: 
 
 def kept_to_one(function: Callable[[], Outcome]) -> Outcome:
     """What it returns to a thread that may run on the processor ``ONE`` only."""
-    with ThreadPoolExecutor(1, initializer=lambda: os.sched_setaffinity(0, {ONE})) as caller:
+    with ThreadPoolExecutor(1, initializer=lambda: os.sched_setaffinity(0, {ONE})) as caller, limited(2):
         return caller.submit(function).result(60.0)
 
 
@@ -150,7 +150,8 @@ def test_with_one_processor_it_is_done_there() -> None:
     try:
         os.sched_setaffinity(0, {ONE})
         pool = ApartPool(1, 'test')
-        assert [pool.submit(allowed).result(60.0) for _ in range(3)] == [{ONE}] * 3
+        with limited(2):
+            assert [pool.submit(allowed).result(60.0) for _ in range(3)] == [{ONE}] * 3
     finally:
         os.sched_setaffinity(0, PROCESSORS)
 
@@ -162,6 +163,29 @@ def refuse(*_: object) -> None:
 def test_where_the_system_says_no_it_is_done_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(core_threads, 'sched_setaffinity', refuse)
     pool = ApartPool(1, 'test')
-    assert [pool.submit(int, 7).result(60.0) for _ in range(3)] == [7] * 3
-    monkeypatch.setattr(core_threads, '_LIBRARY', object())  # one without the function
-    assert pool.submit(int, 8).result(60.0) == 8
+    with limited(2):
+        assert [pool.submit(int, 7).result(60.0) for _ in range(3)] == [7] * 3
+        monkeypatch.setattr(core_threads, '_LIBRARY', object())  # one without the function
+        assert pool.submit(int, 8).result(60.0) == 8
+
+
+@needs_two
+def test_threads_that_opencv_starts_beside_a_caller_may_run_on_every_processor() -> None:
+    """They inherit what the thread that starts them may run on, for good. In a process of its own: OpenCV starts its
+    threads once.
+    """
+    code = """if True:
+        import os, cv2, numpy
+        from motion_detect_ros.core.threads import ApartPool, use
+        use(4)
+        pool, flow = ApartPool(1, 'test'), cv2.DISOpticalFlow_create(1)
+        image = numpy.random.default_rng(1).integers(0, 255, (600, 800), numpy.uint8)
+        before = len(os.listdir('/proc/self/task'))
+        for _ in range(3):
+            pool.submit(flow.calc, image, image, None).result(60.0)
+        threads = [int(each) for each in os.listdir('/proc/self/task')]
+        print(len(threads) - before, {len(os.sched_getaffinity(each)) for each in threads})
+    """
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert done.stdout.split(maxsplit=1)[1].strip() == str({len(PROCESSORS)})
+    assert int(done.stdout.split()[0]) > 1, 'OpenCV has started some'
