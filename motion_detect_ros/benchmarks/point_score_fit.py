@@ -43,6 +43,7 @@ from motion_detect_ros.core.errors import SourceError
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.trajectories.finder import TrajectoryFinder
+from motion_detect_ros.core.trajectories.follower import PointFollower
 from motion_detect_ros.core.trajectories.point_scoring import POINT_SCORE, PointScore
 from motion_detect_ros.core.types import BoolArray, CameraModel, DoubleArray, RecordArray
 from motion_detect_ros.presets import load_preset
@@ -72,13 +73,13 @@ def collect(config: PipelineConfig, frames: Iterable[tuple[SourceFrame, RecordAr
             camera: CameraModel | None = None) -> Judged:
     """Every cluster of the frames after the first, with the truth of each; what lies on ignored truth is left out."""
     preprocessor, ego_motion = Preprocessor(config.preprocessing), EgoMotionStage(config, camera)
-    finder = TrajectoryFinder(config, EVERYTHING)
+    follower, finder = PointFollower(config), TrajectoryFinder(config, EVERYTHING)
     regressors, right = list[tuple[float, float, float]](), list[bool]()
     for frame, truth in frames:
         prepared = preprocessor.process(frame.image, frame.stamp_ns)
         height, width = prepared.gray.shape
         known = camera or CameraModel.guessed(prepared.width, prepared.height, config.background.focal_share)
-        found = finder.candidates(prepared, ego_motion.process(prepared), known.resized(width, height))
+        found = finder.candidates(follower.follow(prepared, ego_motion.process(prepared), known.resized(width, height)))
         if not finder.found or not found or frame.index < SHORT_WARM_UP_FRAMES:
             continue
         boxes = np.array([np.r_[one.centre - one.size / 2.0, one.size] for one in found])

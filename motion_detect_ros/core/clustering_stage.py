@@ -21,6 +21,8 @@ from motion_detect_ros.core.self_tuning import Tuned
 from motion_detect_ros.core.tracking.tracker import Tracker
 from motion_detect_ros.core.trajectories.clusters import MAX_SIDE_SHARE
 from motion_detect_ros.core.trajectories.finder import TrajectoryFinder
+from motion_detect_ros.core.trajectories.follower import FollowedPoints, PointFollower
+from motion_detect_ros.core.trajectories.point_evidence import PointEvidence
 from motion_detect_ros.core.trajectories.point_scoring import POINT_SCORE, PointScore
 from motion_detect_ros.core.trajectories.union import united
 from motion_detect_ros.core.types import (
@@ -64,6 +66,7 @@ class ClusteringStage:
         self._scene = BackgroundSelector(config.background, config.self_tuning)
         self._detector = MotionDetector(config, self._clusterer)
         self._last_flow = LastFlow(config.optical_flow.every_s)
+        self._follower = PointFollower(config) if config.trajectories.use else None
         self._trajectories = TrajectoryFinder(config, self._point_score) if config.trajectories.use else None
         self._tracker.use_config(config.tracks)
         self._tracker.reset()
@@ -85,28 +88,40 @@ class ClusteringStage:
     def reset(self) -> None:
         """Clear earlier frames, neurons and tracks; ids go on counting."""
         self._behind.drop()
-        for part in (self._scene, self._detector, self._last_flow):
-            part.reset()
-        if self._trajectories is not None:
-            self._trajectories.reset()
-        self._tracker.reset()
+        for part in (self._scene, self._detector, self._last_flow, self._follower, self._trajectories, self._tracker):
+            if part is not None:
+                part.reset()
         self._last = None
         self._note()
 
     def wait(self) -> None:
         """Until what is done behind the last frame is done; ``process`` does so itself."""
-        self._behind.wait()
-        if self._trajectories is not None:
-            self._trajectories.wait()
+        for part in (self._behind, self._follower, self._trajectories):
+            if part is not None:
+                part.wait()
+
+    def follow(self, frame: PreparedFrame, ego: EgoMotion, camera: CameraModel | None) -> FollowedPoints | None:
+        """Where points go; None where none are used. Each frame once, in their order.
+
+        ego: motion into ``frame``; camera: calibration of its image. Raises: what was raised behind the last frame.
+        """
+        if self._follower is None or ego.passed_over:
+            return None
+        height, width = frame.gray.shape
+        return self._follower.follow(frame, ego, self._known(camera, width, height))
 
     def process(
         self, frame: PreparedFrame, ego: EgoMotion, reference: ReferenceFrame | None, flow: FlowField,
+        followed: FollowedPoints | None = None,
     ) -> RecordArray:
         """Confirmed moving objects in ``frame``, dtype ``DETECTION_DTYPE``; empty where there is no reference.
 
-        ego: motion into ``frame``; reference: what ``FrameHistory`` returns for it; flow: from there into ``frame``.
+        ego: motion into ``frame``; reference: what ``FrameHistory`` returns for it; flow: from there into ``frame``;
+        followed: what ``follow`` has returned for it, which another thread may do for the next frames meanwhile; None
+        = it has not been called.
         """
         self.flow_is_behind = False
+        followed = followed or self.follow(frame, ego, self.camera)
         found = self._behind.take()  # before anything else changes, as it may raise
         if self._trajectories is not None:
             self._trajectories.take()
@@ -126,14 +141,14 @@ class ClusteringStage:
             self._continue(last, frame, ego)
         from_flow = self._last_flow.carried(ego)
         if reference is None:
-            self._from_points(frame, ego)
+            self._from_points(followed)
             self._tracker.coast(ego.matrix, ego.dt_s, frame.width, frame.height)
             return empty_detections()
         due = flow.pending or flow.measured or not self._config.optical_flow.every_s
-        look = partial(self._found, frame, reference, flow, self._last_flow.age_s,
-                       self._camera_of(flow.width, flow.height))
         later = self._can_wait(ego)
-        from_points = self._from_points(frame, ego)
+        from_points, evidence = self._from_points(followed)
+        look = partial(self._found, frame, reference, flow, self._last_flow.age_s,
+                       self._known(self.camera, flow.width, flow.height), evidence)
         if due and later:
             self.flow_is_behind = self._behind.start(look)
         elif due and (found := look()) is not None:
@@ -165,15 +180,13 @@ class ClusteringStage:
 
     def _found(
         self, frame: PreparedFrame, reference: ReferenceFrame, flow: FlowField, dt_s: float, camera: CameraModel,
+        evidence: PointEvidence | None,
     ) -> list[Candidate] | None:
         """Moving objects of a flow; None where nothing of it is known, which is as if there were none."""
         if self._config.optical_flow.every_s and not flow.measured:
             return None
         found = self._candidates(frame, reference, flow, dt_s, camera)
-        if self._trajectories is None:
-            return found
-        moving = self._trajectories.without_standing(found, frame.scale)
-        return self._trajectories.without_shadows(moving, frame.scale)
+        return found if evidence is None else evidence.without_shadows(evidence.without_standing(found))
 
     def _candidates(
         self, frame: PreparedFrame, reference: ReferenceFrame, flow: FlowField, dt_s: float, camera: CameraModel,
@@ -184,17 +197,16 @@ class ClusteringStage:
         background = self._scene.fit(flow.flow, residual, camera, dt_s)
         return self._detector.candidates(flow, residual, background, frame, reference, dt_s)
 
-    def _from_points(self, frame: PreparedFrame, ego: EgoMotion) -> list[Candidate]:
-        if self._trajectories is None:
-            return []
-        height, width = frame.gray.shape
-        return self._trajectories.candidates(frame, ego, self._camera_of(width, height))
+    def _from_points(self, followed: FollowedPoints | None) -> tuple[list[Candidate], PointEvidence | None]:
+        if self._trajectories is None or followed is None:
+            return [], None
+        return self._trajectories.candidates(followed), self._trajectories.evidence(followed)
 
-    def _camera_of(self, width: int, height: int) -> CameraModel:
-        """The calibration in the pixels of an image of this size; a guess where there is none."""
-        if self.camera is None:
+    def _known(self, camera: CameraModel | None, width: int, height: int) -> CameraModel:
+        """A calibration in the pixels of an image of this size; a guess where there is none."""
+        if camera is None:
             return CameraModel.guessed(width, height, self._config.background.focal_share)
-        return self.camera.resized(width, height)
+        return camera.resized(width, height)
 
 
 def _unlike(last: PreparedFrame, ego: EgoMotion, frame: PreparedFrame) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future, wait
+from functools import partial
 from typing import Generic, TypeVar
 
 from motion_detect_ros.core.threads import ApartPool, threads
@@ -42,6 +43,13 @@ class Deferred(Generic[Outcome]):
         future, self._future = self._future, None
         return None if future is None else future.result()
 
+    @property
+    def outcome(self) -> Callable[[], Outcome | None]:
+        """Waits for the job that there is now, in any thread, and returns what it does, which can still be taken; None
+        where there is none, or where it raises.
+        """
+        return partial(_outcome_of, self._future)
+
     def wait(self) -> None:
         """Until the job is done; it can still be taken."""
         if self._future is not None:
@@ -51,3 +59,7 @@ class Deferred(Generic[Outcome]):
         """Wait for the job and forget it, whatever came of it."""
         self.wait()
         self._future = None
+
+
+def _outcome_of(future: Future[Outcome] | None) -> Outcome | None:
+    return None if future is None or future.exception() else future.result()

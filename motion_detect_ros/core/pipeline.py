@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import perf_counter
 
@@ -17,6 +18,7 @@ from motion_detect_ros.core.optical_flow.stage import OpticalFlowStage
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.reconfiguration import structural_changes
 from motion_detect_ros.core.self_tuning import Tuned
+from motion_detect_ros.core.trajectories.follower import FollowedPoints
 from motion_detect_ros.core.types import (
     NANOSECONDS,
     CameraModel,
@@ -37,7 +39,7 @@ WARM_UP_FRAMES = 11
 
 @dataclass(frozen=True)
 class Measured:
-    """What ``MotionPipeline.measure`` hands to ``detect``."""
+    """What ``MotionPipeline.measure`` hands to ``detect``. ``followed``: by ``follow``, None = not yet."""
 
     frame: PreparedFrame
     ego: EgoMotion
@@ -45,6 +47,7 @@ class Measured:
     flow: FlowField
     times_ms: StageTimes
     camera: CameraModel | None
+    followed: FollowedPoints | None = None
 
 
 class MotionPipeline:
@@ -55,9 +58,10 @@ class MotionPipeline:
 
     def __init__(
         self, config: PipelineConfig | None = None, camera: CameraModel | None = None, first_id: int = 1,
+        clock: Callable[[], float] = perf_counter,
     ) -> None:
-        """first_id: id of the first track."""
-        self.config = config or PipelineConfig()
+        """first_id: id of the first track; clock: of the times of stages, seconds."""
+        self.config, self._clock = config or PipelineConfig(), clock
         self._clustering = ClusteringStage(self.config, camera, first_id=first_id)
         self._make_first_half(camera)
 
@@ -98,27 +102,41 @@ class MotionPipeline:
         later: the flow is computed by the second half, maybe behind its answer, unless the next flow depends on it
         (``full_every``), and nothing is done for the next frame. Raises: FrameError as ``process``.
         """
-        start = perf_counter()
+        start = self._clock()
         frame = self._preprocessor.process(image, stamp_ns)
-        prepared = perf_counter()
+        prepared = self._clock()
         ego = self._ego_motion.process(frame)
         if not later:
             self._ego_motion.look_ahead()
-        ego_done = perf_counter()
+        ego_done = self._clock()
         reference = self._history.step(frame, ego)
         flow = self._optical_flow.process(frame, ego, reference, later)
-        times = StageTimes(1e3 * (prepared - start), 1e3 * (ego_done - prepared), 1e3 * (perf_counter() - ego_done))
+        times = StageTimes(1e3 * (prepared - start), 1e3 * (ego_done - prepared), 1e3 * (self._clock() - ego_done))
         return Measured(frame, ego, reference, flow, times, self._ego_motion.camera)
+
+    def settle(self, measured: Measured) -> Measured:
+        """The flow, where it was left for later: a part of ``detect`` that another thread may do ahead of it."""
+        start = self._clock()
+        measured.flow.settle()
+        flow_ms = measured.times_ms.optical_flow + 1e3 * (self._clock() - start)
+        return replace(measured, times_ms=replace(measured.times_ms, optical_flow=flow_ms))
+
+    def follow(self, measured: Measured) -> Measured:
+        """Where points go, where any are used: another part that another thread may do ahead, frames in their order."""
+        start = self._clock()
+        followed = self._clustering.follow(measured.frame, measured.ego, measured.camera)
+        times = replace(measured.times_ms, clustering=1e3 * (self._clock() - start))
+        return replace(measured, followed=followed, times_ms=times)
 
     def detect(self, measured: Measured) -> Result:
         """The second half: clustering and tracks. Frames in their order."""
-        start = perf_counter()
+        start = self._clock()
         ego, flow, times, pending = measured.ego, measured.flow, measured.times_ms, measured.flow.pending
         self._clustering.camera = measured.camera
-        detections = self._clustering.process(measured.frame, ego, measured.reference, flow)
+        detections = self._clustering.process(measured.frame, ego, measured.reference, flow, measured.followed)
         flow_ms = flow.took_ms if pending and not self._clustering.flow_is_behind else 0.0
         times = replace(times, optical_flow=times.optical_flow + flow_ms,
-                        clustering=1e3 * (perf_counter() - start) - flow_ms)
+                        clustering=times.clustering + 1e3 * (self._clock() - start) - flow_ms)
         return Result(measured.frame.stamp_ns, ego, flow, detections, times)
 
     def wait(self) -> None:

@@ -161,7 +161,7 @@ def stage_times(replayed: Replayed) -> go.Figure:
             x=[0, replayed.duration_s], y=[interval_ms, interval_ms], mode='lines', hoverinfo='skip',
             line={'color': _ALERT, 'width': 1.5, 'dash': 'dash'}, name=f'next frame ({interval_ms:.0f} ms)')
     top = max(float(np.percentile(total, 97)) * 1.3 if len(total) else 1.0, 1.0)
-    figure.update_yaxes(title_text='ms a frame', range=[0, max(top, min(1.15 * interval_ms, 3 * top))])
+    figure.update_yaxes(title_text='processor time, ms a frame', range=[0, max(top, min(1.15 * interval_ms, 3 * top))])
     figure.update_xaxes(title_text=_TIME_TITLE)
     figure.update_layout(hovermode='x unified')
     return figure

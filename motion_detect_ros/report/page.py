@@ -120,7 +120,8 @@ def _cards(parts: Parts) -> Iterator[tuple[str, str]]:
     total = summary.stage_ms['total'].p50
     if total:
         next_ms = 1e3 * parts.replayed.interval_s
-        yield f'{total:.0f} ms', 'a frame' + (f', the next one comes after {next_ms:.0f} ms' if next_ms else '')
+        yield f'{total:.0f} ms', 'of processor time a frame' + (
+            f', the next one comes after {next_ms:.0f} ms' if next_ms else '')
     lost = summary.bad_frames + summary.misstamped_frames
     yield f'{lost:,}', 'frames lost'
     estimated = int(parts.replayed.usable().sum())

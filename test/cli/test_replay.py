@@ -6,6 +6,7 @@ import csv
 import json
 import multiprocessing
 import os
+import time
 from collections import Counter
 from pathlib import Path
 
@@ -19,9 +20,10 @@ from motion_detect_ros.__main__ import main
 from motion_detect_ros.cli.batch.jobs import Job
 from motion_detect_ros.cli.batch.one_input import replay
 from motion_detect_ros.cli.batch.processes import share_cores
+from motion_detect_ros.core.clustering_stage import ClusteringStage
 from motion_detect_ros.core.config import LoadConfig, PipelineConfig
 from motion_detect_ros.core.pipeline import Measured, MotionPipeline
-from motion_detect_ros.core.threads import threads, use
+from motion_detect_ros.core.threads import limited, threads, use
 from motion_detect_ros.core.types import DETECTION_DTYPE, Result
 from motion_detect_ros.presets import find_config
 from motion_detect_ros.sources.bags import BagWriter
@@ -259,6 +261,28 @@ def test_a_cut_bag_is_partial_and_its_frames_are_kept(bag: Path, tmp_path: Path)
     summary = json.loads((tmp_path / 'out' / 'summary.json').read_text())
     assert 'the end is missing' in summary['damaged']
     assert 0 < summary['frames'] < FRAMES
+
+
+@pytest.mark.parametrize(('wanted', 'each'), [(1, 1), (2, 1), (5, 2)])
+def test_each_of_the_steps_that_go_on_at_once_has_half_of_the_threads(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wanted: int, each: int,
+) -> None:
+    detect, seen = MotionPipeline.detect, set[int]()
+    monkeypatch.setattr(MotionPipeline, 'detect', lambda self, measured: (
+        seen.add(threads()), detect(self, measured))[1])
+    with limited(0):
+        replay(Job(str(bag), tmp_path, PipelineConfig(load=LoadConfig(threads=wanted))))
+        assert threads() == wanted, 'for the report'
+    assert seen == {each}
+
+
+def test_times_of_a_frame_are_not_longer_because_others_are_in_work(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    process = ClusteringStage.process
+    monkeypatch.setattr(ClusteringStage, 'process', lambda *given: (time.sleep(0.2), process(*given))[1])
+    summary = replay(Job(str(bag), tmp_path, PipelineConfig()))
+    assert summary.stage_ms['clustering'].p50 < 150.0
 
 
 def test_an_interrupted_run_keeps_what_it_wrote(

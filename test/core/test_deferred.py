@@ -50,3 +50,17 @@ def test_a_job_runs_beside_its_caller_only_with_several_threads(deferred: Deferr
     assert beside == (deferred_module.threads() > 1)
     assert (where[0] is threading.main_thread()) == (deferred_module.threads() == 1)
     assert deferred.take() == 1
+
+
+def test_others_may_wait_for_an_outcome_that_is_still_taken(deferred: Deferred[int]) -> None:
+    assert deferred.outcome() is None
+    deferred.start(lambda: 5)
+    outcome = deferred.outcome
+    assert (outcome(), deferred.take(), outcome()) == (5, 5, 5)
+
+
+def test_what_a_job_raises_is_raised_to_none_but_who_takes_it(deferred: Deferred[int]) -> None:
+    deferred.start(failing)
+    assert deferred.outcome() is None
+    with pytest.raises(ValueError, match='broken'):
+        deferred.take()

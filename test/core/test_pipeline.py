@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 import sys
 import threading
 import time
+from collections import deque
 
 import cv2
 import numpy as np
@@ -32,6 +34,8 @@ from motion_detect_ros.core.settings import settings, with_settings
 from motion_detect_ros.core.threads import limited
 from motion_detect_ros.core.tracking.tracker import Tracker
 from motion_detect_ros.core.trajectories.finder import TrajectoryFinder
+from motion_detect_ros.core.trajectories.follower import PointFollower
+from motion_detect_ros.core.trajectories.point_evidence import PointEvidence
 from motion_detect_ros.core.types import CameraModel, EgoMotion, EgoStatus
 from motion_detect_ros.presets import load_preset
 
@@ -114,8 +118,8 @@ def test_a_mover_is_reported_in_the_third_frame_with_motion_though_flow_is_rare(
 def watch_detectors(monkeypatch, before):
     """``before()`` is called in the thread that looks for objects in a flow; points find nothing."""
     monkeypatch.setattr(TrajectoryFinder, 'candidates', lambda *_: [])
-    monkeypatch.setattr(TrajectoryFinder, 'without_standing', lambda _, found, __: found)
-    monkeypatch.setattr(TrajectoryFinder, 'without_shadows', lambda _, found, __: found)
+    monkeypatch.setattr(PointEvidence, 'without_standing', lambda _, found: found)
+    monkeypatch.setattr(PointEvidence, 'without_shadows', lambda _, found: found)
     candidates = MotionDetector.candidates
     monkeypatch.setattr(MotionDetector, 'candidates', lambda *given: (before(), candidates(*given))[1])
 
@@ -242,7 +246,9 @@ def test_the_calibration_of_a_flow_is_that_of_its_frame(monkeypatch, threads):
 
 
 @pytest.mark.parametrize('threads', [1, 2])
-@pytest.mark.parametrize('broken', [(ClusteringStage, '_found'), (TrajectoryFinder, '_look')], ids=['flow', 'points'])
+@pytest.mark.parametrize(
+    'broken', [(ClusteringStage, '_found'), (PointFollower, '_go_on'), (TrajectoryFinder, '_look')],
+    ids=['flow', 'points', 'objects'])
 def test_a_frame_is_what_an_error_behind_the_answer_before_it_costs(monkeypatch, threads, broken):
     """The object is found again, by the same detector, while the camera pans."""
     ground, (place, name) = texture(1, 360, 1040), broken
@@ -367,6 +373,37 @@ def test_same_frames_same_bytes_with_any_number_of_threads(preset, count):
             answers.append([(r.detections.tobytes(), r.flow.flow.tobytes(), r.ego.matrix.tobytes())
                             for r in run(frames, load_preset(preset))])
     assert answers[0] == answers[1] == answers[2]
+
+
+@pytest.mark.parametrize('threads', [1, 2])
+@pytest.mark.parametrize(('preset', 'count'), [('default', 12), ('visdrone', 30)])
+def test_same_bytes_where_parts_are_done_some_frames_ahead(preset, count, threads):
+    """Flow and points of three frames before the objects of the first of them are looked for."""
+    config, frames = load_preset(preset), [scene(index) for index in range(count)]
+    with limited(threads):
+        expected = [(each.detections.tobytes(), each.flow.flow.tobytes()) for each in run(frames, config)]
+        pipeline, waiting, got = MotionPipeline(config), deque(), []
+        for index in range(count + 2):
+            if index < count:
+                measured = pipeline.measure(frames[index], (index + 1) * PERIOD_NS, later=True)
+                waiting.append(pipeline.follow(pipeline.settle(measured)))
+            if index >= 2:
+                result = pipeline.detect(waiting.popleft())
+                got.append((result.detections.tobytes(), result.flow.flow.tobytes()))
+    assert got == expected
+    assert sum(len(detections) for detections, _ in got) > 0
+
+
+def test_times_are_those_of_the_clock_that_was_given():
+    """One second from one look at it to the next."""
+    seconds = itertools.count()
+    pipeline = MotionPipeline(clock=lambda: float(next(seconds)))
+    with limited(2):
+        times = pipeline.process(scene(0), PERIOD_NS).times_ms
+        ahead = pipeline.follow(pipeline.settle(pipeline.measure(scene(1), 2 * PERIOD_NS)))
+        assert ahead.times_ms.optical_flow == 2000.0
+        assert pipeline.detect(ahead).times_ms.clustering == 2000.0
+    assert (times.preprocessing, times.ego_motion, times.optical_flow, times.clustering) == (1e3, 1e3, 1e3, 1e3)
 
 
 def test_reset_starts_anew_but_ids_go_on():

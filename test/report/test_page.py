@@ -106,9 +106,9 @@ def ids_listed(browser: Any) -> list[int]:
 
 
 def test_time_of_a_frame_stands_beside_the_time_until_the_next_one(report: Path):
-    """How fast the replay was it does not say: four frames were in work at once."""
+    """How fast the replay was it does not say: six frames were in work at once."""
     text = report.read_text(encoding='utf-8')
-    assert '<b>14 ms</b><span>a frame, the next one comes after 100 ms</span>' in text
+    assert '<b>14 ms</b><span>of processor time a frame, the next one comes after 100 ms</span>' in text
     assert 'real time' not in text
 
 

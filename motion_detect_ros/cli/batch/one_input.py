@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, thread_time
 
 import numpy as np
 
@@ -34,7 +34,7 @@ from motion_detect_ros.core.pipeline import Measured, MotionPipeline
 from motion_detect_ros.core.self_tuning import Tuned
 from motion_detect_ros.core.settings import settings
 from motion_detect_ros.core.stamp_order import StampOrder, Verdict
-from motion_detect_ros.core.threads import use
+from motion_detect_ros.core.threads import limited, threads, use
 from motion_detect_ros.core.types import ByteArray, Result
 from motion_detect_ros.report.make import report_after_replay
 from motion_detect_ros.results.formats import clear, output_names
@@ -68,7 +68,7 @@ def run_job(job: Job, watch: Watch = lambda done, total: None) -> Outcome:
 def outcome_of(job: Job, summary: Summary) -> Outcome:
     """What a summary says, in one line."""
     line = (f'{job.folder}: {summary.frames} frames, {summary.detections} detections of {summary.objects} objects, '
-            f'{summary.stage_ms["total"].p50:.1f} ms a frame')
+            f'{summary.stage_ms["total"].p50:.1f} ms of processor time a frame')
     if summary.bad_frames:
         line += f', {summary.bad_frames} bad frames left out'
     if summary.misstamped_frames:
@@ -93,7 +93,7 @@ def replay(job: Job, watch: Watch = lambda done, total: None) -> Summary:
     """
     input_bytes = size_of(job.path)  # before it is read: what grows meanwhile is another input next time
     source = open_source(job.path, job.fps, job.topic, job.window, job.rectified)
-    pipeline = MotionPipeline(job.config)
+    pipeline = MotionPipeline(job.config, clock=thread_time)
     gyro = _gyro(source, job.config)
     use(job.config.load.threads)
     tally = Tally()
@@ -128,11 +128,17 @@ def _process(
     job: Job, source: FrameSource, pipeline: MotionPipeline, gyro: GyroReplay | None, outputs: ReplayOutputs,
     tally: Tally, watch: Watch,
 ) -> None:
-    """Decode, measure, detect and write, each in a thread of its own."""
+    """Decode, measure, flow, points, objects and writing, each in a thread of its own.
+
+    Each of them has half of the threads for itself: a frame takes longer, all frames less long.
+    """
     decimation = FrameDecimation.by(job.config.load)
-    with (Ahead(_timed(source, job.path, tally)) as frames,
+    with (limited(max(1, threads() // 2)),
+          Ahead(_timed(source, job.path, tally)) as frames,
           Ahead(_measured(pipeline, _in_order(frames, tally), gyro, decimation)) as measured,
-          Ahead(_detected(pipeline, measured, job.overlay)) as detected):
+          Ahead(_each(pipeline.settle, measured)) as flown,
+          Ahead(_each(pipeline.follow, flown)) as followed,
+          Ahead(_detected(pipeline, followed, job.overlay)) as detected):
         for done in detected:
             tally.calibrated |= done.calibrated
             if done.result is None:
@@ -189,7 +195,7 @@ def _measured(
             pipeline.add_gyro(sample.stamp_ns, np.array(sample.rate))
         pipeline.use_camera(frame.camera)
         try:
-            yield timed, pipeline.measure(frame.image, frame.stamp_ns)
+            yield timed, pipeline.measure(frame.image, frame.stamp_ns, later=True)
         except FrameError as error:  # a picture of another size or type costs that picture only
             yield timed, error
 
@@ -210,11 +216,19 @@ class DoneFrame:
     frame_id: str
 
 
+def _each(
+    step: Callable[[Measured], Measured], frames: Iterable[tuple[TimedFrame, Measured | FrameError]],
+) -> Iterator[tuple[TimedFrame, Measured | FrameError]]:
+    """These frames a step further, but those that the core refuses."""
+    for timed, motion in frames:
+        yield timed, motion if isinstance(motion, FrameError) else step(motion)
+
+
 def _detected(
-    pipeline: MotionPipeline, measured: Iterable[tuple[TimedFrame, Measured | FrameError]], overlay: bool,
+    pipeline: MotionPipeline, frames: Iterable[tuple[TimedFrame, Measured | FrameError]], overlay: bool,
 ) -> Iterator[DoneFrame]:
     """These frames, through the second half; with their images for an overlay."""
-    for timed, motion in measured:
+    for timed, motion in frames:
         refused = str(motion) if isinstance(motion, FrameError) else ''
         result = None if isinstance(motion, FrameError) else pipeline.detect(motion)
         image = timed.frame.image if overlay else None

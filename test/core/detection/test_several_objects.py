@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from point_objects import PointObjects
 from still_camera import step
 from warps import blocks
 
@@ -16,7 +17,6 @@ from motion_detect_ros.core.detection.several_objects import UsualSize
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.trajectories.clusters import MIN_POINTS
-from motion_detect_ros.core.trajectories.finder import TrajectoryFinder
 from motion_detect_ros.core.trajectories.parted_clusters import parted
 from motion_detect_ros.core.types import CameraModel
 from motion_detect_ros.presets import load_preset
@@ -192,13 +192,13 @@ class TestPictures:
             yield np.clip(np.rint(gray), 0, 255).astype(np.uint8)
 
     def found(
-        self, objects: Sequence[Rectangle], by: TrajectoryFinder | None = None, speed: int = 2, plain: slice = slice(0),
+        self, objects: Sequence[Rectangle], by: PointObjects | None = None, speed: int = 2, plain: slice = slice(0),
     ) -> list[list[float]]:
         """Left, top, right and bottom of what is found last around ``PAIR``.
 
         speed: pixels a frame; plain: columns of the last object without texture.
         """
-        finder, last = by or TrajectoryFinder(load_preset('visdrone')), list[list[float]]()
+        finder, last = by or PointObjects(load_preset('visdrone')), list[list[float]]()
         for index, picture in enumerate(self.pictures(objects, speed, plain)):
             candidates = finder.candidates(*step(picture, index, self.PERIOD_NS), self.CAMERA)
             last = [[*(each.centre - each.size / 2.0), *(each.centre + each.size / 2.0)] for each in candidates]
@@ -219,7 +219,7 @@ class TestPictures:
         assert found == [pytest.approx([454, 120, 564, 146], abs=8.0)]
 
     def test_another_scene_has_its_own_sizes(self) -> None:
-        finder = TrajectoryFinder(load_preset('visdrone'))
+        finder = PointObjects(load_preset('visdrone'))
         assert len(self.found([*self.ALONE, *self.PAIR], finder)) == 2
         finder.reset()
         assert len(self.found(self.PAIR, finder)) == 1

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from point_objects import PointObjects
 from still_camera import frames_of, step
 from warps import blocks
 
 from motion_detect_ros.core.trajectories.changed_regions import ChangedRegions
 from motion_detect_ros.core.trajectories.clusters import Cluster
-from motion_detect_ros.core.trajectories.finder import TrajectoryFinder
 from motion_detect_ros.core.trajectories.found_objects import ClusteredPoints, FoundObject, objects_of
 from motion_detect_ros.core.trajectories.point_scoring import PointScore
 from motion_detect_ros.core.trajectories.points import Points
@@ -218,11 +218,11 @@ class TestObjects:
 
 def test_a_small_box_ends_where_its_object_does() -> None:
     """Of 12 x 16 pixels; without regions of change its box is 5 pixels too wide."""
-    finder, widths = TrajectoryFinder(load_preset('visdrone')), list[float]()
+    finder, widths = PointObjects(load_preset('visdrone')), list[float]()
     for index in range(60):
         objects = {(120 + 2 * index, 60 + 40 * row, 12, 16): 0.0 for row in range(4)}
         found = finder.candidates(*step(picture(objects, 0), index, PERIOD_NS), CAMERA)
-        if index >= 30 and finder.found:
+        if index >= 30 and finder.finder.found:
             widths += [one.size[0] for one in found if one.size[0] < 24.0]
     assert len(widths) >= 20
     assert np.median(widths) == pytest.approx(12.0, abs=3.5)

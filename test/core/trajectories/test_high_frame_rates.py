@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from point_objects import PointObjects
 
-from motion_detect_ros.core.trajectories.finder import TrajectoryFinder
 from motion_detect_ros.core.trajectories.points import Points, PointTracker
 from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrames
 from motion_detect_ros.core.types import NANOSECONDS, CameraModel, EgoMotion, EgoStatus, PreparedFrame
@@ -87,7 +87,7 @@ def test_paths_are_where_points_were_in_the_frames_that_are_kept() -> None:
 
 @pytest.mark.parametrize('hz', [60.0, 200.0])
 def test_a_small_slow_square_is_found(hz: float) -> None:
-    finder, found = TrajectoryFinder(load_preset('visdrone')), []
+    finder, found = PointObjects(load_preset('visdrone')), []
     for index in range(round(1.8 * hz)):
         candidates = finder.candidates(prepared(picture(index / hz), index, hz), ego(index, hz),
                                        CameraModel.guessed(WIDTH, HEIGHT, 1.0))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from point_objects import PointObjects
 from still_camera import frames_of, step
 from warps import blocks
 
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.geometry.boxes import Box
-from motion_detect_ros.core.trajectories.finder import TrajectoryFinder
 from motion_detect_ros.core.trajectories.soft_shadows import SoftShadows
 from motion_detect_ros.core.types import CameraModel
 from motion_detect_ros.presets import load_preset
@@ -88,8 +88,8 @@ class TestSoftShadows:
         assert body < 0.05
 
 
-def finder_after(darkness: float) -> tuple[TrajectoryFinder, list[Candidate]]:
-    finder, found = TrajectoryFinder(load_preset('visdrone')), list[Candidate]()
+def finder_after(darkness: float) -> tuple[PointObjects, list[Candidate]]:
+    finder, found = PointObjects(load_preset('visdrone')), list[Candidate]()
     for index in range(FRAMES):
         found = finder.candidates(*step(scene(FRAMES - 1 - index, darkness=darkness), index, PERIOD_NS), CAMERA)
     return finder, found
@@ -112,7 +112,7 @@ class TestBoxes:
     def test_of_flow_end_where_the_object_does(self) -> None:
         finder, _ = finder_after(darkness=0.85)
         whole = Candidate(np.array([280.0, 120.0]), np.array([40.0, 40.0]), np.array([100.0, 0.0]), 1600.0, 0.0, 1)
-        (found,) = finder.without_shadows([whole], 1.0)
+        (found,) = finder.evidence.without_shadows([whole])
         assert bottom(whole) == 140.0
         assert bottom(found) == pytest.approx(OBJECT.bottom, abs=4.0)
         assert found.centre[1] - found.size[1] / 2.0 == pytest.approx(100.0)
@@ -121,4 +121,4 @@ class TestBoxes:
     def test_of_flow_outside_of_the_picture_stay(self) -> None:
         finder, _ = finder_after(darkness=0.85)
         outside = Candidate(np.array([-30.0, 120.0]), np.array([40.0, 40.0]), np.array([100.0, 0.0]), 1600.0, 0.0, 1)
-        assert finder.without_shadows([outside], 1.0) == [outside]
+        assert finder.evidence.without_shadows([outside]) == [outside]

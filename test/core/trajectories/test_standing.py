@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from still_camera import frames_of
 
-from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.detection.candidate import Candidate
-from motion_detect_ros.core.trajectories.finder import TrajectoryFinder
 from motion_detect_ros.core.trajectories.object_motion import PointMotion
+from motion_detect_ros.core.trajectories.point_evidence import PointEvidence
 from motion_detect_ros.core.trajectories.points import Points
 from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES
+from motion_detect_ros.core.trajectories.soft_shadows import SoftShadows
 from motion_detect_ros.core.trajectories.standing import StandingPoints
 
 #: A lattice of points every 10 pixels, from 5 to 195; any of them would have told 40 pixels/s.
@@ -54,9 +55,9 @@ def test_a_box_full_of_standing_points_is_no_object():
 
 def test_what_points_do_not_deny_is_more_certain():
     """292 of 604 false candidates are not denied, and all right ones: ln(604 / 292) = 0.727."""
-    finder, points, beside = TrajectoryFinder(PipelineConfig()), points_at(LATTICE), box(300, 300, 360, 360)
-    finder._points, finder._standing = points, standing_on(points)
-    found = finder.without_standing([box(20, 20, 80, 80), beside], 1.0)
+    points, beside, gray = points_at(LATTICE), box(300, 300, 360, 360), np.zeros((400, 400), np.uint8)
+    evidence = PointEvidence(points, standing_on(points), SoftShadows(frames_of([gray], 1)), gray.shape, 1.0)
+    found = evidence.without_standing([box(20, 20, 80, 80), beside])
     assert [each.centre.tolist() for each in found] == [beside.centre.tolist()]
     assert found[0].log_odds == pytest.approx(beside.log_odds + 0.727, abs=0.03)
     assert beside.log_odds == 2.0

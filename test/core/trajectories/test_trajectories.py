@@ -10,6 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from point_objects import PointObjects
 
 from motion_detect_ros.core import deferred
 from motion_detect_ros.core.detection.candidate import Candidate
@@ -21,7 +22,6 @@ from motion_detect_ros.core.threads import limited
 from motion_detect_ros.core.trajectories import clusters
 from motion_detect_ros.core.trajectories import points as points_module
 from motion_detect_ros.core.trajectories.clusters import Cluster
-from motion_detect_ros.core.trajectories.finder import TrajectoryFinder
 from motion_detect_ros.core.trajectories.object_motion import PointMotion, object_motion
 from motion_detect_ros.core.trajectories.points import Points, PointTracker
 from motion_detect_ros.core.trajectories.recent_frames import MAX_FRAMES, RecentFrames
@@ -280,7 +280,7 @@ def run(use: bool, frames: int = 40) -> list[np.ndarray]:
 
 def test_a_small_square_gets_points_though_all_of_the_image_changes() -> None:
     """Noise in blobs everywhere: standing points could fill the quota of 1200, of which the square needs 10."""
-    finder = TrajectoryFinder(with_settings(load_preset('visdrone'), {'trajectories.max_points': 1200}))
+    finder = PointObjects(with_settings(load_preset('visdrone'), {'trajectories.max_points': 1200}))
     pan = np.array([[1, 0, -1.3], [0, 1, -0.4], [0, 0, 1]])
     found = []
     for index in range(50):
@@ -296,7 +296,7 @@ def test_a_small_square_gets_points_though_all_of_the_image_changes() -> None:
 @pytest.mark.parametrize(('share', 'reported'), [(0.001, False), (0.003, True)])
 def test_larger_objects_than_the_setting_allows_are_dropped(share: float, reported: bool) -> None:
     """The square is 14 x 14 of 480 x 320 pixels, 0.0013 of them."""
-    finder = TrajectoryFinder(with_settings(load_preset('visdrone'), {'objects.max_area_share': share}))
+    finder = PointObjects(with_settings(load_preset('visdrone'), {'objects.max_area_share': share}))
     pan = np.array([[1, 0, -1.3], [0, 1, -0.4], [0, 0, 1]])
     found = [finder.candidates(prepared(small_mover(index), index), ego(pan, index), CameraModel.guessed(480, 320, 1.0))
              for index in range(40)]
@@ -308,7 +308,7 @@ def test_objects_are_found_behind_the_frame_where_the_next_one_comes_soon(
     monkeypatch: pytest.MonkeyPatch, hz: int, at_once: bool,
 ) -> None:
     """Either way boxes lie where the square is in the frame they are given for."""
-    finder, clustered, period_ns = TrajectoryFinder(load_preset('visdrone')), list[int](), 10 ** 9 // hz
+    finder, clustered, period_ns = PointObjects(load_preset('visdrone')), list[int](), 10 ** 9 // hz
 
     def find_clusters(
         points: Points, motion: PointMotion, old: np.ndarray, frames: RecentFrames, usual_area: float | None,
@@ -323,7 +323,7 @@ def test_objects_are_found_behind_the_frame_where_the_next_one_comes_soon(
         frame = replace(prepared(small_mover(index, 4.0), index), stamp_ns=(index + 1) * period_ns)
         motion = replace(ego(pan, index), stamp_ns=frame.stamp_ns, prev_stamp_ns=index * period_ns)
         found = finder.candidates(frame, motion, CameraModel.guessed(480, 320, 1.0))
-        if finder.found:
+        if finder.finder.found:
             found_for.append(index)
             ahead_px += [each.centre[0] - corner(index, 4.0)[0] - SIDE / 2 for each in found]
     delay, last = 0 if at_once else 1, range(3 * hz - 20, 3 * hz - 9)  # before the square comes to the border
@@ -334,9 +334,28 @@ def test_objects_are_found_behind_the_frame_where_the_next_one_comes_soon(
     assert abs(np.median(ahead_px)) < 1.0, 'of 2.7 a frame'
 
 
+@pytest.mark.parametrize('anew', [False, True], ids=['goes on', 'starts anew'])
+def test_a_frame_whose_objects_are_never_asked_for_costs_that_frame(anew: bool) -> None:
+    """Its points were followed. anew: without a motion into it, and numbers of points come again."""
+    by, pan = PointObjects(load_preset('visdrone')), np.array([[1, 0, -1.3], [0, 1, -0.4], [0, 0, 1]])
+    camera, found = CameraModel.guessed(480, 320, 1.0), dict[int, bool]()
+    for index in range(60):
+        motion, off = ego(pan, index), corner(index, 4.0) + SIDE / 2
+        if index == 33:
+            by.follower.follow(prepared(small_mover(index, 4.0), index), replace(
+                motion, status=EgoStatus.LOW_TEXTURE if anew else EgoStatus.OK), camera)
+            continue
+        boxes = by.candidates(prepared(small_mover(index, 4.0), index), motion, camera)
+        found[index] = len(boxes) == 1 and bool((np.abs(boxes[0].centre - off) < SIDE / 2).all())
+        assert not (anew and 33 < index < 36 and boxes), 'nothing is known of the points yet'
+    assert np.mean([found[index] for index in range(24, 33)]) > 0.8
+    assert anew or np.mean([found[index] for index in range(34, 44)]) > 0.8
+    assert np.mean([found[index] for index in range(50, 60)]) > 0.8
+
+
 def test_no_answer_waits_for_objects_that_are_looked_for_behind_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(deferred, 'threads', lambda: 2)
-    finder, may_go_on, waited = TrajectoryFinder(load_preset('visdrone')), threading.Event(), list[bool]()
+    finder, may_go_on, waited = PointObjects(load_preset('visdrone')), threading.Event(), list[bool]()
 
     def find_clusters(*given: object) -> list[Cluster]:
         if threading.current_thread() is not threading.main_thread():
@@ -351,7 +370,7 @@ def test_no_answer_waits_for_objects_that_are_looked_for_behind_it(monkeypatch: 
         finder.candidates(prepared(small_mover(index, 4.0), index), ego(np.eye(3), index),
                           CameraModel.guessed(480, 320, 1.0))
     may_go_on.set()
-    finder.reset()
+    finder.wait()
     assert len(waited) >= 3, 'not one frame left its objects to a thread'
     assert all(waited), 'candidates() waited for the thread'
 
