@@ -25,8 +25,9 @@ processor time faster than the difference everywhere, than KLT + DBSCAN on KITTI
 | 100 objects 1.3 times as dear as none (default, 1600x900) | 1.6 times: 48, 75 ms on the slower machine, 1.8 before \
 (the table above: 2.0); processor time 1.5 times: 80, 117 ms | 171 candidates: errors and photometric test 7 ms, \
 tracks 5, patches 4, growth 2, all of it once for each object; the flow is the same |
-| `replay` 1.6 times as fast by overlapping its steps | 1.2 to 1.3 times | processor time: two cores are busy before \
-and after (below) |
+| `replay` 1.6 times as fast by overlapping its steps | 1.3 times on 305 and `uavdt_M1303`, 1.4 on KITTI, beside one \
+frame after the other (1.1 to 1.3 before; below) | 1.6 would be two cores without a gap: they are busy for 0.62 of the \
+time one frame after the other, for 0.81 to 0.88 now; in the rest steps wait for Python's lock |
 | first start after an installation 6 s | 8.0 s in this run, 6.3 to 6.6 s in others on a quiet machine, 11 s beside \
 others; on the slower machine 8.4 to 8.5 s, since errors are computed once a frame 10.1 to 10.3 s | up to 2 s are \
 Fast DDS's discovery; 60 kernels take over 20 s of processor time of numba; `selftest` compiles them beforehand, then \
@@ -150,6 +151,10 @@ detections, median; 95th percentile; dropped of 1080. 8 minutes of it, before an
 | the same live with four nodes (`bench --parts transport_clip`, image to detections, median; at 10 Hz, two runs; at \
 20 Hz, with which four processes overload this machine, three runs): little | 62 to 64; 45 to 100 ms | 60; 70 to 106 \
 ms |
+| `replay`: the flow, and the points with their motion, in threads of their own ahead of the objects, and each step \
+does its frame with one thread instead of two (305, `uavdt_M1303`, KITTI, all but the start, a slow hour of the tables' \
+machine, four runs in turn, the same bytes; ms a frame. One frame after the other: 44 to 64, 52 to 68, 37 to 40) | 40 to \
+48, 47 to 68, 29 to 32 ms | 35 to 40, 41 to 56, 26 to 29 ms |
 | `replay`, `demo` and `tune` have missing kernels compiled by other processes first, and say so (first replay of 12 \
 frames after an installation, `visdrone`, two runs in turn) | 23.5, 26.9 s | 15.5, 15.5 s |
 
@@ -182,9 +187,15 @@ frame for 2 s of compiling |
 frames, results the same; it stays) | 24.0 to 25.0 instead of 29.3 to 29.7 s, 1.2 times as fast, not the 1.6 hoped \
 for: OpenCV's threads fill both cores already, and with one of them Python's lock is in the way; several inputs at \
 once do better |
-| the same today, all but the start, beside one frame after the other with its work behind the answer waited for \
+| the same later, all but the start, beside one frame after the other with its work behind the answer waited for \
 (305, 272 frames, the same bytes) | 28 to 30 instead of 34 to 39 ms a frame; 43 ms of processor time on two cores are \
 in the way, and that a frame's points wait for what the last one has shown |
+| `replay`, with the flow and the points in threads of their own: each step with two threads instead of one; shorter \
+turns of Python's lock (1, 0.2 ms); 4 or 8 instead of 2 frames between two steps (wall over processor time, which a \
+slow hour hardly changes: 305, KITTI) | 0.63, 0.63; 0.59 to 0.60, 0.56 to 0.58; 0.59 instead of 0.59 to 0.60, 0.57 to \
+0.59 |
+| candidates of flow and points stacked once instead of for each comparison (`united`, 20 of each) | 0.39 instead of \
+0.36 ms |
 | `replay`: a low priority for the threads that read and measure ahead | 28.1 instead of 30.1 ms a frame, on Linux \
 only |
 | segments of a frame of 29 by two threads (KITTI) | 26.4 to 27.4 instead of 25.9 to 27.2 ms, and 2 ms more processor \

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from itertools import chain
+from dataclasses import replace
 from pathlib import Path
-from time import perf_counter, thread_time
-
-import numpy as np
+from time import thread_time
 
 import motion_detect_ros
 from motion_detect_ros.cli.batch.earlier import Found, look
+from motion_detect_ros.cli.batch.frame_steps import DoneFrame, frames_done, gyro_of
 from motion_detect_ros.cli.batch.inputs import size_of
 from motion_detect_ros.cli.batch.jobs import (
     NOTHING,
@@ -27,24 +24,17 @@ from motion_detect_ros.cli.batch.jobs import (
     UnfinishedError,
     Watch,
 )
-from motion_detect_ros.core.config import PipelineConfig
-from motion_detect_ros.core.errors import FrameError, MotionDetectError, SourceError
-from motion_detect_ros.core.frame_decimation import FrameDecimation
-from motion_detect_ros.core.pipeline import Measured, MotionPipeline
-from motion_detect_ros.core.self_tuning import Tuned
+from motion_detect_ros.core.errors import MotionDetectError, SourceError
+from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.settings import settings
-from motion_detect_ros.core.stamp_order import StampOrder, Verdict
-from motion_detect_ros.core.threads import limited, threads, use
-from motion_detect_ros.core.types import ByteArray, Result
+from motion_detect_ros.core.threads import use
 from motion_detect_ros.report.make import report_after_replay
 from motion_detect_ros.results.formats import clear, output_names
 from motion_detect_ros.results.outputs import ReplayOutputs
 from motion_detect_ros.results.ownership import BusyError, owned
 from motion_detect_ros.results.summary import Percentiles, Summary, read_summary, write_summary
 from motion_detect_ros.results.tally import Tally
-from motion_detect_ros.sources.ahead import Ahead
-from motion_detect_ros.sources.frames import FrameSource, SourceFrame, first_reason
-from motion_detect_ros.sources.inertial import GyroReplay, InertialSource
+from motion_detect_ros.sources.frames import FrameSource, first_reason
 from motion_detect_ros.sources.opening import open_source
 
 
@@ -94,7 +84,7 @@ def replay(job: Job, watch: Watch = lambda done, total: None) -> Summary:
     input_bytes = size_of(job.path)  # before it is read: what grows meanwhile is another input next time
     source = open_source(job.path, job.fps, job.topic, job.window, job.rectified)
     pipeline = MotionPipeline(job.config, clock=thread_time)
-    gyro = _gyro(source, job.config)
+    gyro = gyro_of(source, job.config)
     use(job.config.load.threads)
     tally = Tally()
 
@@ -108,7 +98,10 @@ def replay(job: Job, watch: Watch = lambda done, total: None) -> Summary:
         try:
             _begin(job, summary_now(complete=False))
             with ReplayOutputs(job.folder, str(job.path), job.formats) as outputs:
-                _process(job, source, pipeline, gyro, outputs, tally, watch)
+                with frames_done(job, source, pipeline, gyro, tally) as frames:
+                    for done in frames:
+                        _write(done, outputs, tally)
+                        watch(done.index + 1, source.frame_count)
                 owner.check()
             summary = summary_now(complete=True)
             write_summary(job.folder, summary)
@@ -124,132 +117,14 @@ def replay(job: Job, watch: Watch = lambda done, total: None) -> Summary:
     return summary
 
 
-def _process(
-    job: Job, source: FrameSource, pipeline: MotionPipeline, gyro: GyroReplay | None, outputs: ReplayOutputs,
-    tally: Tally, watch: Watch,
-) -> None:
-    """Decode, measure, flow, points, objects and writing, each in a thread of its own.
-
-    Each of them has half of the threads for itself: a frame takes longer, all frames less long.
-    """
-    decimation = FrameDecimation.by(job.config.load)
-    with (limited(max(1, threads() // 2)),
-          Ahead(_timed(source, job.path, tally)) as frames,
-          Ahead(_measured(pipeline, _in_order(frames, tally), gyro, decimation)) as measured,
-          Ahead(_each(pipeline.settle, measured)) as flown,
-          Ahead(_each(pipeline.follow, flown)) as followed,
-          Ahead(_detected(pipeline, followed, job.overlay)) as detected):
-        for done in detected:
-            tally.calibrated |= done.calibrated
-            if done.result is None:
-                tally.bad_frames += 1
-                tally.bad_reason = first_reason(tally.bad_reason, done.index, done.refused)
-            else:
-                outputs.write(done.index, done.decode_ms, done.result, done.image, done.frame_id)
-                tally.add(done.result, done.tuned)
-            watch(done.index + 1, source.frame_count)
-
-
-def _gyro(source: FrameSource, config: PipelineConfig) -> GyroReplay | None:
-    """The angular rates of a source, where the settings want them. Raises: SourceError where it has none."""
-    if not config.imu.use:
-        return None
-    samples = source.gyro() if isinstance(source, InertialSource) else iter(())
-    first = next(samples, None)
-    if first is None:
-        raise SourceError(f'{source.name}: imu.use expects angular rates (a topic of type Imu, oxts), found none')
-    return GyroReplay(chain((first,), samples), config.imu.time_offset_s)
-
-
-@dataclass(frozen=True)
-class TimedFrame:
-    """A frame, and what reading and decoding it took; jumped: it is the first of another run of the clock."""
-
-    frame: SourceFrame
-    decode_ms: float
-    jumped: bool = False
-
-
-def _in_order(frames: Iterable[TimedFrame], tally: Tally) -> Iterator[TimedFrame]:
-    """Without those whose stamps were seen already or are late."""
-    order = StampOrder()
-    for timed in frames:
-        verdict = order.judge(timed.frame.stamp_ns)
-        if verdict.usable:
-            yield replace(timed, jumped=verdict == Verdict.JUMP)
-        else:
-            tally.misstamped_frames += 1
-
-
-def _measured(
-    pipeline: MotionPipeline, frames: Iterable[TimedFrame], gyro: GyroReplay | None, decimation: FrameDecimation,
-) -> Iterator[tuple[TimedFrame, Measured | FrameError]]:
-    """Each frame that is processed and the first half of its result, or why the core refuses it."""
-    for timed in frames:
-        if timed.jumped:
-            pipeline.clock_jumped()
-        if not decimation.keep_next():
-            continue
-        frame = timed.frame
-        for sample in gyro.take(frame.stamp_ns) if gyro else ():
-            pipeline.add_gyro(sample.stamp_ns, np.array(sample.rate))
-        pipeline.use_camera(frame.camera)
-        try:
-            yield timed, pipeline.measure(frame.image, frame.stamp_ns, later=True)
-        except FrameError as error:  # a picture of another size or type costs that picture only
-            yield timed, error
-
-
-@dataclass(frozen=True)
-class DoneFrame:
-    """What is written of a frame. ``result``: None where the core refused it, ``refused`` says why; ``tuned``: settings
-    in use by then; ``calibrated``: whether the calibration of the image is known.
-    """
-
-    index: int
-    decode_ms: float
-    image: ByteArray | None
-    result: Result | None
-    tuned: Tuned
-    calibrated: bool
-    refused: str
-    frame_id: str
-
-
-def _each(
-    step: Callable[[Measured], Measured], frames: Iterable[tuple[TimedFrame, Measured | FrameError]],
-) -> Iterator[tuple[TimedFrame, Measured | FrameError]]:
-    """These frames a step further, but those that the core refuses."""
-    for timed, motion in frames:
-        yield timed, motion if isinstance(motion, FrameError) else step(motion)
-
-
-def _detected(
-    pipeline: MotionPipeline, frames: Iterable[tuple[TimedFrame, Measured | FrameError]], overlay: bool,
-) -> Iterator[DoneFrame]:
-    """These frames, through the second half; with their images for an overlay."""
-    for timed, motion in frames:
-        refused = str(motion) if isinstance(motion, FrameError) else ''
-        result = None if isinstance(motion, FrameError) else pipeline.detect(motion)
-        image = timed.frame.image if overlay else None
-        yield DoneFrame(timed.frame.index, timed.decode_ms, image, result, pipeline.tuned,
-                        timed.frame.camera is not None, refused, timed.frame.frame_id)
-
-
-def _timed(source: FrameSource, path: str, tally: Tally) -> Iterator[TimedFrame]:
-    """The frames of a source, with the time each took to read and decode.
-
-    Raises: SourceError where the medium of the source does.
-    """
-    start = perf_counter()
-    try:
-        for frame in source:
-            decode_ms = 1e3 * (perf_counter() - start)
-            tally.read(decode_ms)
-            yield TimedFrame(frame, decode_ms)
-            start = perf_counter()
-    except OSError as error:
-        raise SourceError(f'{path}: cannot be read any more: {error.strerror or error}') from None
+def _write(done: DoneFrame, outputs: ReplayOutputs, tally: Tally) -> None:
+    tally.calibrated |= done.calibrated
+    if done.result is None:
+        tally.bad_frames += 1
+        tally.bad_reason = first_reason(tally.bad_reason, done.index, done.refused)
+    else:
+        outputs.write(done.index, done.decode_ms, done.result, done.image, done.frame_id)
+        tally.add(done.result, done.tuned)
 
 
 def _begin(job: Job, summary: Summary) -> None:
