@@ -222,7 +222,7 @@ def test_a_defect_in_one_input_does_not_stop_the_others(
 ):
     bags = [str(write_flight(tmp_path / f'{name}.mcap', frames=3)) for name in 'ab']
 
-    def failing(*_: object) -> None:
+    def failing(*_: object, **__: object) -> None:
         monkeypatch.undo()
         raise ZeroDivisionError('by nothing')
 
