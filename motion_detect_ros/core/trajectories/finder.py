@@ -52,7 +52,6 @@ class TrajectoryFinder:
 
     def use_config(self, config: PipelineConfig) -> None:
         """Settings of objects from the next frame on."""
-        self._behind.wait()
         self._config = config.objects
 
     def reset(self) -> None:
