@@ -152,9 +152,9 @@ detections, median; 95th percentile; dropped of 1080. 8 minutes of it, before an
 20 Hz, with which four processes overload this machine, three runs): little | 62 to 64; 45 to 100 ms | 60; 70 to 106 \
 ms |
 | `replay`: the flow, and the points with their motion, in threads of their own ahead of the objects, and each step \
-does its frame with one thread instead of two (305, `uavdt_M1303`, KITTI, all but the start, a slow hour of the tables' \
-machine, four runs in turn, the same bytes; ms a frame. One frame after the other: 44 to 64, 52 to 68, 37 to 40) | 40 to \
-48, 47 to 68, 29 to 32 ms | 35 to 40, 41 to 56, 26 to 29 ms |
+does its frame with one thread instead of two (305, `uavdt_M1303`, KITTI, all but the start, a slow hour of the \
+tables' machine, four runs in turn, the same bytes; ms a frame. One frame after the other: 44 to 64, 52 to 68, 37 to \
+40) | 40 to 48, 47 to 68, 29 to 32 ms | 35 to 40, 41 to 56, 26 to 29 ms |
 | `replay`, `demo` and `tune` have missing kernels compiled by other processes first, and say so (first replay of 12 \
 frames after an installation, `visdrone`, two runs in turn) | 23.5, 26.9 s | 15.5, 15.5 s |
 

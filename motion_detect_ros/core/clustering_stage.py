@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -38,6 +39,13 @@ from motion_detect_ros.core.types import (
 
 #: Tracks cannot be continued across such a frame, nor over a longer time than this without a motion, seconds.
 STARTS_ANEW, MAX_UNSEEN_S = (EgoStatus.FIRST_FRAME, EgoStatus.TIME_JUMP, EgoStatus.SIZE_CHANGE), 1.0
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What ``ClusteringStage.follow`` has done. ``points``: None where none are used."""
+
+    points: FollowedPoints | None
 
 
 class ClusteringStage:
@@ -100,19 +108,19 @@ class ClusteringStage:
             if part is not None:
                 part.wait()
 
-    def follow(self, frame: PreparedFrame, ego: EgoMotion, camera: CameraModel | None) -> FollowedPoints | None:
-        """Where points go; None where none are used. Each frame once, in their order.
+    def follow(self, frame: PreparedFrame, ego: EgoMotion, camera: CameraModel | None) -> Followed:
+        """Where points go. Each frame once, in their order.
 
         ego: motion into ``frame``; camera: calibration of its image. Raises: what was raised behind the last frame.
         """
         if self._follower is None or ego.passed_over:
-            return None
+            return Followed(None)
         height, width = frame.gray.shape
-        return self._follower.follow(frame, ego, self._known(camera, width, height))
+        return Followed(self._follower.follow(frame, ego, self._known(camera, width, height)))
 
     def process(
         self, frame: PreparedFrame, ego: EgoMotion, reference: ReferenceFrame | None, flow: FlowField,
-        followed: FollowedPoints | None = None,
+        followed: Followed | None = None,
     ) -> RecordArray:
         """Confirmed moving objects in ``frame``, dtype ``DETECTION_DTYPE``; empty where there is no reference.
 
@@ -121,7 +129,7 @@ class ClusteringStage:
         = it has not been called.
         """
         self.flow_is_behind = False
-        followed = followed or self.follow(frame, ego, self.camera)
+        points = (followed or self.follow(frame, ego, self.camera)).points
         found = self._behind.take()  # before anything else changes, as it may raise
         if self._trajectories is not None:
             self._trajectories.take()
@@ -141,12 +149,12 @@ class ClusteringStage:
             self._continue(last, frame, ego)
         from_flow = self._last_flow.carried(ego)
         if reference is None:
-            self._from_points(followed)
+            self._from_points(points)
             self._tracker.coast(ego.matrix, ego.dt_s, frame.width, frame.height)
             return empty_detections()
         due = flow.pending or flow.measured or not self._config.optical_flow.every_s
         later = self._can_wait(ego)
-        from_points, evidence = self._from_points(followed)
+        from_points, evidence = self._from_points(points)
         look = partial(self._found, frame, reference, flow, self._last_flow.age_s,
                        self._known(self.camera, flow.width, flow.height), evidence)
         if due and later:
@@ -197,10 +205,10 @@ class ClusteringStage:
         background = self._scene.fit(flow.flow, residual, camera, dt_s)
         return self._detector.candidates(flow, residual, background, frame, reference, dt_s)
 
-    def _from_points(self, followed: FollowedPoints | None) -> tuple[list[Candidate], PointEvidence | None]:
-        if self._trajectories is None or followed is None:
+    def _from_points(self, points: FollowedPoints | None) -> tuple[list[Candidate], PointEvidence | None]:
+        if self._trajectories is None or points is None:
             return [], None
-        return self._trajectories.candidates(followed), self._trajectories.evidence(followed)
+        return self._trajectories.candidates(points), self._trajectories.evidence(points)
 
     def _known(self, camera: CameraModel | None, width: int, height: int) -> CameraModel:
         """A calibration in the pixels of an image of this size; a guess where there is none."""

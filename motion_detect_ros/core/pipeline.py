@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from motion_detect_ros.core.background import static_points
-from motion_detect_ros.core.clustering_stage import ClusteringStage
+from motion_detect_ros.core.clustering_stage import ClusteringStage, Followed
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.ego_motion.stage import EgoMotionStage
 from motion_detect_ros.core.geometry.frame_history import FrameHistory, ReferenceFrame
@@ -18,7 +18,6 @@ from motion_detect_ros.core.optical_flow.stage import OpticalFlowStage
 from motion_detect_ros.core.preprocessing.stage import Preprocessor
 from motion_detect_ros.core.reconfiguration import structural_changes
 from motion_detect_ros.core.self_tuning import Tuned
-from motion_detect_ros.core.trajectories.follower import FollowedPoints
 from motion_detect_ros.core.types import (
     NANOSECONDS,
     CameraModel,
@@ -39,7 +38,9 @@ WARM_UP_FRAMES = 11
 
 @dataclass(frozen=True)
 class Measured:
-    """What ``MotionPipeline.measure`` hands to ``detect``. ``followed``: by ``follow``, None = not yet."""
+    """What ``MotionPipeline.measure`` hands to ``detect``. ``followed``: by ``follow``, None = not
+    yet.
+    """
 
     frame: PreparedFrame
     ego: EgoMotion
@@ -47,7 +48,7 @@ class Measured:
     flow: FlowField
     times_ms: StageTimes
     camera: CameraModel | None
-    followed: FollowedPoints | None = None
+    followed: Followed | None = None
 
 
 class MotionPipeline:
@@ -111,6 +112,7 @@ class MotionPipeline:
         ego_done = self._clock()
         reference = self._history.step(frame, ego)
         flow = self._optical_flow.process(frame, ego, reference, later)
+        flow.clock = self._clock
         times = StageTimes(1e3 * (prepared - start), 1e3 * (ego_done - prepared), 1e3 * (self._clock() - ego_done))
         return Measured(frame, ego, reference, flow, times, self._ego_motion.camera)
 

@@ -240,7 +240,7 @@ def _counts(replayed: Replayed) -> Iterator[tuple[str, int]]:
 
 
 def _stages(replayed: Replayed) -> Iterator[tuple[str, Any]]:
-    yield 'read and decode', replayed.summary.decode_ms
+    yield 'read and decode (elapsed time)', replayed.summary.decode_ms
     for stage in STAGES:
         yield stage.replace('ego_', 'ego-').replace('_', ' '), replayed.summary.stage_ms[stage]
 

@@ -400,10 +400,12 @@ def test_times_are_those_of_the_clock_that_was_given():
     pipeline = MotionPipeline(clock=lambda: float(next(seconds)))
     with limited(2):
         times = pipeline.process(scene(0), PERIOD_NS).times_ms
+        assert (times.preprocessing, times.ego_motion, times.optical_flow, times.clustering) == (1e3, 1e3, 1e3, 1e3)
         ahead = pipeline.follow(pipeline.settle(pipeline.measure(scene(1), 2 * PERIOD_NS)))
         assert ahead.times_ms.optical_flow == 2000.0
         assert pipeline.detect(ahead).times_ms.clustering == 2000.0
-    assert (times.preprocessing, times.ego_motion, times.optical_flow, times.clustering) == (1e3, 1e3, 1e3, 1e3)
+        times = pipeline.process(scene(2), 3 * PERIOD_NS).times_ms  # its flow is computed within the clustering
+        assert (times.optical_flow, times.clustering) == (2000.0, 2000.0)
 
 
 def test_reset_starts_anew_but_ids_go_on():

@@ -1,6 +1,6 @@
 """The steps from an input to what is written of its frames: each in a thread of its own, some frames ahead of the next.
 
-Each step has half of the threads for itself: a frame takes longer, all frames less long.
+Within a step one thread does a frame: it takes longer, all of them less long.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.pipeline import Measured, MotionPipeline
 from motion_detect_ros.core.self_tuning import Tuned
 from motion_detect_ros.core.stamp_order import StampOrder, Verdict
-from motion_detect_ros.core.threads import limited, threads
+from motion_detect_ros.core.threads import limited
 from motion_detect_ros.core.types import ByteArray, Result
 from motion_detect_ros.results.tally import Tally
 from motion_detect_ros.sources.ahead import Ahead
@@ -62,7 +62,7 @@ def frames_done(
     Raises: what reading, or a step, does.
     """
     decimation = FrameDecimation.by(job.config.load)
-    with limited(max(1, threads() // 2)), ExitStack() as running:
+    with limited(1), ExitStack() as running:
         frames = running.enter_context(Ahead(_timed(source, job.path, tally)))
         measured = running.enter_context(Ahead(
             _measured(pipeline, _in_order(frames, tally), gyro, decimation, job.overlay)))
@@ -92,7 +92,7 @@ class _TimedFrame:
 
 
 #: A frame, and the first parts of its result, or why the core refuses it.
-_Motion = tuple[FrameInWork, Measured | FrameError]
+_Motion = tuple[FrameInWork, Measured | str]
 
 
 def _timed(source: FrameSource, path: str, tally: Tally) -> Iterator[_TimedFrame]:
@@ -141,20 +141,20 @@ def _measured(
         try:
             yield known, pipeline.measure(frame.image, frame.stamp_ns, later=True)
         except FrameError as error:  # a picture of another size or type costs that picture only
-            yield known, error
+            yield known, str(error)  # the error itself holds the image
 
 
 def _each(step: Callable[[Measured], Measured], frames: Iterable[_Motion]) -> Iterator[_Motion]:
     """These frames a step further, but those that the core refuses."""
     for known, motion in frames:
-        yield known, motion if isinstance(motion, FrameError) else step(motion)
+        yield known, motion if isinstance(motion, str) else step(motion)
 
 
 def _detected(pipeline: MotionPipeline, frames: Iterable[_Motion]) -> Iterator[DoneFrame]:
     """These frames, through the last step."""
     for known, motion in frames:
         done = partial(DoneFrame, known.index, known.decode_ms, known.image, known.calibrated, known.frame_id)
-        if isinstance(motion, FrameError):
-            yield done(None, str(motion), pipeline.tuned)
+        if isinstance(motion, str):
+            yield done(None, motion, pipeline.tuned)
         else:
             yield done(pipeline.detect(motion), '', pipeline.tuned)

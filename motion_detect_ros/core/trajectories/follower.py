@@ -18,7 +18,7 @@ from motion_detect_ros.core.types import BoolArray, CameraModel, EgoMotion, Prep
 
 #: The motion of points is measured so often, seconds; in between objects go where their points go. In the third frame
 #: first, so that flow measured as often, in the second frame first, comes in other frames.
-FOUND_EVERY_S, FIRST_FRAMES = 0.1, 3
+MEASURED_EVERY_S, FIRST_FRAMES = 0.1, 3
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class PointFollower:
 
     def __init__(self, config: PipelineConfig) -> None:
         self._frames = RecentFrames()
-        self._every = Every(FOUND_EVERY_S)
+        self._every = Every(MEASURED_EVERY_S)
         self._tracker = PointTracker(config.trajectories.max_points)
         self._behind = Deferred[MovedPoints | None]('points')
         self._run = 0

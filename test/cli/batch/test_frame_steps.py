@@ -14,10 +14,13 @@ from motion_detect_ros.cli.batch.frame_steps import frames_done
 from motion_detect_ros.cli.batch.jobs import Job
 from motion_detect_ros.core.config import PipelineConfig
 from motion_detect_ros.core.pipeline import Measured, MotionPipeline
+from motion_detect_ros.core.threads import limited
 from motion_detect_ros.core.types import Result
+from motion_detect_ros.presets import load_preset
 from motion_detect_ros.results.tally import Tally
 from motion_detect_ros.sources.ahead import DEPTH
 from motion_detect_ros.sources.frames import SourceFrame
+from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
 
 FRAMES = 24
 
@@ -63,10 +66,30 @@ def test_pictures_are_let_go_once_they_are_measured_unless_they_are_written(
     assert (max(held) > read) == overlay
 
 
+@pytest.mark.parametrize('preset', ['default', 'visdrone'])
+def test_what_is_done_is_what_one_frame_after_the_other_gives(tmp_path: Path, preset: str) -> None:
+    """Points are followed beside the objects of the frames before (preset visdrone)."""
+    config = load_preset(preset)
+    pictures = SyntheticFlight(FlightConfig(width=480, height=270, focal_px=360.0, frames=36))
+    flight = [SourceFrame(index, frame.image, frame.stamp_ns) for index, frame in enumerate(pictures)]
+    with limited(2):
+        pipeline = MotionPipeline(config)
+        expected = [pipeline.process(frame.image, frame.stamp_ns).detections.tobytes() for frame in flight]
+        with frames_done(  # type: ignore[arg-type]
+                Job('flight', tmp_path, config), flight, MotionPipeline(config), None, Tally()) as frames:
+            done = [frame.result.detections.tobytes() for frame in frames]
+    assert done == expected
+    assert sum(map(len, expected)) > 0
+
+
 def test_a_picture_that_the_core_refuses_goes_through_all_steps_in_its_place(tmp_path: Path) -> None:
-    job = Job('pictures', tmp_path, PipelineConfig())
-    with frames_done(job, Pictures(bad=5), MotionPipeline(), None, Tally()) as frames:  # type: ignore[arg-type]
-        done = list(frames)
+    job, source, held = Job('pictures', tmp_path, PipelineConfig()), Pictures(bad=5), False
+    with frames_done(job, source, MotionPipeline(), None, Tally()) as frames:  # type: ignore[arg-type]
+        done = []
+        for frame in frames:
+            done.append(frame)
+            held |= frame.index == 5 and source.given[5]() is not None
+    assert not held, 'its error holds it'
     assert [each.index for each in done] == list(range(FRAMES))
     assert [each.index for each in done if each.result is None] == [5]
     assert 'got (60, 80, 2)' in done[5].refused
