@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import chain
 from time import perf_counter
 
@@ -43,11 +42,12 @@ class FrameInWork:
 
 
 @dataclass(frozen=True)
-class DoneFrame(FrameInWork):
+class DoneFrame:
     """What is written of a frame. ``result``: None where the core refused it, ``refused`` says why; ``tuned``: settings
     in use by then.
     """
 
+    frame: FrameInWork
     result: Result | None
     refused: str
     tuned: Tuned
@@ -64,11 +64,11 @@ def frames_done(
     decimation = FrameDecimation.by(job.config.load)
     with limited(1), ExitStack() as running:
         frames = running.enter_context(Ahead(_timed(source, job.path, tally)))
-        measured = running.enter_context(Ahead(
+        motions = running.enter_context(Ahead(
             _measured(pipeline, _in_order(frames, tally), gyro, decimation, job.overlay)))
         for step in (pipeline.settle, pipeline.follow):
-            measured = running.enter_context(Ahead(_each(step, measured)))
-        yield running.enter_context(Ahead(_detected(pipeline, measured)))
+            motions = running.enter_context(Ahead(_each(step, motions)))
+        yield running.enter_context(Ahead(_detected(pipeline, motions)))
 
 
 def gyro_of(source: FrameSource, config: PipelineConfig) -> GyroReplay | None:
@@ -153,8 +153,5 @@ def _each(step: Callable[[Measured], Measured], frames: Iterable[_Motion]) -> It
 def _detected(pipeline: MotionPipeline, frames: Iterable[_Motion]) -> Iterator[DoneFrame]:
     """These frames, through the last step."""
     for known, motion in frames:
-        done = partial(DoneFrame, known.index, known.decode_ms, known.image, known.calibrated, known.frame_id)
-        if isinstance(motion, str):
-            yield done(None, motion, pipeline.tuned)
-        else:
-            yield done(pipeline.detect(motion), '', pipeline.tuned)
+        result, refused = (None, motion) if isinstance(motion, str) else (pipeline.detect(motion), '')
+        yield DoneFrame(known, result, refused, pipeline.tuned)

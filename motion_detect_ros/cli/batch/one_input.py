@@ -101,7 +101,7 @@ def replay(job: Job, watch: Watch = lambda done, total: None) -> Summary:
                 with frames_done(job, source, pipeline, gyro, tally) as frames:
                     for done in frames:
                         _write(done, outputs, tally)
-                        watch(done.index + 1, source.frame_count)
+                        watch(done.frame.index + 1, source.frame_count)
                 owner.check()
             summary = summary_now(complete=True)
             write_summary(job.folder, summary)
@@ -118,12 +118,13 @@ def replay(job: Job, watch: Watch = lambda done, total: None) -> Summary:
 
 
 def _write(done: DoneFrame, outputs: ReplayOutputs, tally: Tally) -> None:
-    tally.calibrated |= done.calibrated
+    frame = done.frame
+    tally.calibrated |= frame.calibrated
     if done.result is None:
         tally.bad_frames += 1
-        tally.bad_reason = first_reason(tally.bad_reason, done.index, done.refused)
+        tally.bad_reason = first_reason(tally.bad_reason, frame.index, done.refused)
     else:
-        outputs.write(done.index, done.decode_ms, done.result, done.image, done.frame_id)
+        outputs.write(frame.index, frame.decode_ms, done.result, frame.image, frame.frame_id)
         tally.add(done.result, done.tuned)
 
 

@@ -61,7 +61,7 @@ def test_pictures_are_let_go_once_they_are_measured_unless_they_are_written(
     monkeypatch.setattr(MotionPipeline, 'detect', slow)
     job = Job('pictures', tmp_path, PipelineConfig(), overlay=overlay)
     with frames_done(job, source, MotionPipeline(), None, Tally()) as frames:  # type: ignore[arg-type]
-        assert [done.image is not None for done in frames] == [overlay] * FRAMES
+        assert [done.frame.image is not None for done in frames] == [overlay] * FRAMES
     read = DEPTH + 3  # by the reader, before the step that measures, and there
     assert (max(held) > read) == overlay
 
@@ -86,10 +86,10 @@ def test_a_picture_that_the_core_refuses_goes_through_all_steps_in_its_place(tmp
     job, source, held = Job('pictures', tmp_path, PipelineConfig()), Pictures(bad=5), False
     with frames_done(job, source, MotionPipeline(), None, Tally()) as frames:  # type: ignore[arg-type]
         done = []
-        for frame in frames:
-            done.append(frame)
-            held |= frame.index == 5 and source.given[5]() is not None
+        for each in frames:
+            done.append(each)
+            held |= each.frame.index == 5 and source.given[5]() is not None
     assert not held, 'its error holds it'
-    assert [each.index for each in done] == list(range(FRAMES))
-    assert [each.index for each in done if each.result is None] == [5]
+    assert [each.frame.index for each in done] == list(range(FRAMES))
+    assert [each.frame.index for each in done if each.result is None] == [5]
     assert 'got (60, 80, 2)' in done[5].refused

@@ -380,7 +380,7 @@ def test_no_answer_waits_for_objects_that_are_looked_for_behind_it(monkeypatch: 
         finder.candidates(prepared(small_mover(index, 4.0), index), ego(np.eye(3), index),
                           CameraModel.guessed(480, 320, 1.0))
     may_go_on.set()
-    finder.wait()
+    finder.reset()
     assert len(waited) >= 3, 'not one frame left its objects to a thread'
     assert all(waited), 'candidates() waited for the thread'
 
