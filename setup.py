@@ -1,11 +1,32 @@
 """One source tree for `colcon build` (ament_python) and `pip install`."""
 
+import os
+import subprocess
+import sys
 from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
+from setuptools.command.install import install
 
 PACKAGE = 'motion_detect_ros'
 NODES = ('camera', 'ego_motion', 'optical_flow', 'art2_clustering', 'pipeline', 'overlay', 'bag_player')
+
+class InstallAndCompile(install):
+    """`colcon build` compiles the kernels too, so that no first start has to; without numba, the first one will.
+
+    Not where files are gathered for another computer, as wheels and Debian packages are.
+    """
+
+    def run(self):
+        """As of the base class, and the kernels. A build goes on without them."""
+        super().run()
+        if self.root is None:
+            path = os.pathsep.join([str(Path(self.install_lib).absolute()), os.environ.get('PYTHONPATH', '')])
+            subprocess.run([sys.executable, '-P', '-m', f'{PACKAGE}.kernel_compiler'],
+                           env={**os.environ, 'PYTHONPATH': path}, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                           check=False)
+
 
 setup(
     name=PACKAGE,
@@ -52,5 +73,6 @@ setup(
         (f'share/{PACKAGE}/examples', [*sorted(glob('examples/*.*')), 'examples/Dockerfile']),
     ],
     zip_safe=True,
+    cmdclass={'install': InstallAndCompile},
     entry_points={'console_scripts': [f'{node} = {PACKAGE}.nodes.{node}:main' for node in NODES]},
 )

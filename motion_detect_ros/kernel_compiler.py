@@ -2,7 +2,7 @@
 
 One process alone takes the longer, and keeps the memory of the compiler for good. Which kernels a start needs, for
 what types of arguments, stands in ``kernels.json``, written by ``benchmarks.kernel_table``; what it lacks is compiled
-where it is called.
+where it is called. Run as a program by an installation, it compiles all of them.
 """
 
 from __future__ import annotations
@@ -149,3 +149,15 @@ class _Compiler:
         for pipe in (self._process.stdin, self._process.stdout):
             pipe.close()  # type: ignore[union-attr]
         self._process.wait()
+
+
+def main() -> None:
+    """Those of any start."""
+    if can_be_cached():
+        compile_elsewhere(signatures(), lambda count: None)
+    else:
+        print('kernels are not compiled: no folder for the cache of numba can be written')
+
+
+if __name__ == '__main__':
+    main()

@@ -91,6 +91,17 @@ class TestInstalled:
         assert [node for node in NODES if not os.access(scripts / node, os.X_OK)] == []
 
 
+@pytest.mark.parametrize('preset', ['default', 'kitti', 'visdrone'])
+def test_colcon_build_compiles_the_kernels(preset: str, colcon_prefix: Path, tmp_path: Path) -> None:
+    """So the first start needs as long as any other. The cache is the installation's own."""
+    (site,) = colcon_prefix.glob('lib/python3*/site-packages')
+    code = ('import sys; from motion_detect_ros import kernel_compiler as compiler, presets; '
+            'print(compiler.__file__, compiler.from_cache(presets.load_preset(sys.argv[1])))')
+    environment = {'PYTHONPATH': str(site), 'AMENT_PREFIX_PATH': str(colcon_prefix)}
+    assert run(sys.executable, '-P', '-c', code, preset, cwd=tmp_path, **environment).split() == [
+        str(site / PACKAGE / 'kernel_compiler.py'), 'True']
+
+
 @pytest.mark.parametrize('scheme', ['--target', '--prefix'])
 def test_installed_package_finds_its_presets_without_ament(scheme: str, source: Path, tmp_path: Path) -> None:
     """``pip --user`` lays it out as ``--prefix`` does."""

@@ -74,8 +74,8 @@ settings as shipped (`bridge/transport.py`, `allocator.py`).''',
 `load.adapt` the nodes lower the working width while images come faster than they work (the steps: section Real
 clips).''',
     'start': '''From the start of the process `pipeline` to its first message, while pictures come, and its memory
-then: 2.2 to 3.7 s in twelve starts, 1.5 in another hour, by when Fast DDS's announcements meet. At the first start
-after an installation other processes compile the kernels, one for each core up to four.''',
+then: 2.2 to 3.7 s in twelve starts, 1.5 in another hour, by when Fast DDS's announcements meet. Where
+`colcon build` has not compiled the kernels, other processes do at the first start, one for each core up to four.''',
     'memory': '''Resident memory of `pipeline`, fed with 960x540 at 20 Hz. Most of it is libraries. Of the size of an
 image it holds (preset `visdrone`, 25 Hz, `tracemalloc`) the grey images of the last second and their halves, 32 of each
 at most (26: 17 MB), the paths of the points (2.7 MB), three masks and a buffer of the flow (1.8 MB): 23 MB, as many

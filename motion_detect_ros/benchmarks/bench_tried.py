@@ -28,10 +28,10 @@ tracks 5, patches 4, growth 2, all of it once for each object; the flow is the s
 | `replay` 1.6 times as fast by overlapping its steps | 1.3 times on 305 and `uavdt_M1303`, 1.4 on KITTI, beside one \
 frame after the other (1.1 to 1.3 before; below) | 1.6 would be two cores without a gap: they are busy for 0.62 of the \
 time one frame after the other, for 0.81 to 0.88 now; in the rest steps wait for Python's lock |
-| first start after an installation 6 s | 8.0 s in this run, 6.3 to 6.6 s in others on a quiet machine, 11 s beside \
-others; on the slower machine 8.4 to 8.5 s, since errors are computed once a frame 10.1 to 10.3 s | up to 2 s are \
-Fast DDS's discovery; 60 kernels take over 20 s of processor time of numba; `selftest` compiles them beforehand, then \
-1.5 to 3.7 s |
+| first start after an installation 6 s | 1.8 to 1.9 s after `colcon build`, which compiles the kernels (below); where \
+it has not, as after `pip install`, 8.0 s in this run, 6.3 to 6.6 s in others on a quiet machine, 11 s beside others, \
+10.1 to 10.3 s on the slower machine | reached with `colcon build`; without it 60 kernels take over 20 s of processor \
+time of numba, and up to 2 s are Fast DDS's discovery; `selftest` compiles them, too |
 | `pipeline` at most 350 MB, first start included | 305 to 343 MB | reached with the preset `default`; `visdrone` 380 \
 MB after half an hour |
 
@@ -155,6 +155,8 @@ ms |
 does its frame with one thread instead of two (305, `uavdt_M1303`, KITTI, all but the start, a slow hour of the \
 tables' machine, four runs in turn, the same bytes; ms a frame. One frame after the other: 44 to 64, 52 to 68, 37 to \
 40) | 40 to 48, 47 to 68, 29 to 32 ms | 35 to 40, 41 to 56, 26 to 29 ms |
+| kernels compiled by `colcon build` (start of `pipeline` to its first message after it, `default` and `visdrone`; the \
+build, 3 s without it) | 8.0 to 10.3 s | 1.8, 1.9 s; 19 s |
 | `replay`, `demo` and `tune` have missing kernels compiled by other processes first, and say so (first replay of 12 \
 frames after an installation, `visdrone`, two runs in turn) | 23.5, 26.9 s | 15.5, 15.5 s |
 
