@@ -247,8 +247,8 @@ BROKEN = {
         'line 1: results imports motion_detect_ros.report.make.make_report',
     ('report', 'from motion_detect_ros.cli.evaluate import evaluate'):
         'line 1: report imports motion_detect_ros.cli.evaluate.evaluate',
-    ('bridge', 'from motion_detect_ros.results.rows import csv_row'):
-        'line 1: bridge imports motion_detect_ros.results.rows.csv_row',
+    ('bridge', 'from motion_detect_ros.results.rows import csv_rows'):
+        'line 1: bridge imports motion_detect_ros.results.rows.csv_rows',
     ('bridge', 'from rosidl_runtime_py import utilities'): 'line 1: bridge imports rosidl_runtime_py.utilities',
     ('bridge', 'import motion_detect_ros.nodes.camera'): 'line 1: bridge imports motion_detect_ros.nodes.camera',
     ('nodes', 'import cv2'): 'line 1: nodes imports cv2',

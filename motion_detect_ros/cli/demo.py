@@ -26,7 +26,7 @@ from motion_detect_ros.core.frame_decimation import FrameDecimation
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.types import NANOSECONDS, RecordArray, Result
 from motion_detect_ros.presets import load_preset
-from motion_detect_ros.results.rows import CSV_HEADER, csv_row
+from motion_detect_ros.results.rows import CSV_HEADER, csv_rows
 from motion_detect_ros.sources.bags import BagFrames, BagWriter
 from motion_detect_ros.sources.synthetic import FlightConfig, SyntheticFlight
 from motion_detect_ros.sources.truth import write_truth
@@ -162,7 +162,7 @@ def write_detections(folder: Path, run: Run) -> None:
     with BagWriter(folder / DETECTIONS_BAG) as bag:
         for frame, records in sorted(run.records.items()):
             bag.write_detections(records, run.stamps_ns[frame])
-            lines += [csv_row(frame, run.stamps_ns[frame], record) for record in records]
+            lines += csv_rows(frame, run.stamps_ns[frame], records)
     (folder / DETECTIONS_CSV).write_text('\n'.join(lines) + '\n', encoding='ascii')
 
 

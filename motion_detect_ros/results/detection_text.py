@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from motion_detect_ros.results.detection_writer import FrameDetections, finite
 from motion_detect_ros.results.files import CSV_NAME, MOT_NAME, TextFile
 from motion_detect_ros.results.metrics import boxes_of
-from motion_detect_ros.results.rows import CSV_HEADER, csv_row
+from motion_detect_ros.results.rows import CSV_HEADER, csv_rows
 
 
 class CsvDetections(TextFile):
@@ -19,8 +21,11 @@ class CsvDetections(TextFile):
 
     def write(self, found: FrameDetections) -> None:
         """Add the rows of one frame."""
-        for record in found.records:
-            self.add(csv_row(found.frame, found.stamp_ns, record))
+        self.add(*csv_rows(found.frame, found.stamp_ns, found.records))
+
+
+#: Where that format has the top left corner of a picture: x, y; sizes are the same.
+FIRST_PIXEL = np.array([1.0, 1.0, 0.0, 0.0])
 
 
 class MotDetections(TextFile):
@@ -37,6 +42,7 @@ class MotDetections(TextFile):
     def write(self, found: FrameDetections) -> None:
         """Add the lines of one frame."""
         records = finite(found.records)
-        for record, (x, y, width, height) in zip(records, boxes_of(records), strict=True):
-            numbers = ','.join(f'{n:.5f}' for n in (x + 1, y + 1, width, height, float(record['score'])))
-            self.add(f'{found.frame + 1},{int(record["id"])},{numbers},-1,-1,-1')
+        figures = np.column_stack([boxes_of(records) + FIRST_PIXEL, records['score']])
+        numbers = ','.join(['%.5f'] * figures.shape[1])
+        self.add(*(f'{found.frame + 1},{identity},{numbers % tuple(row)},-1,-1,-1'
+                   for identity, row in zip(records['id'].tolist(), figures.tolist(), strict=True)))

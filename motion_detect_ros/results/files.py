@@ -20,7 +20,7 @@ class TextFile(PartFile):
     """A text file under construction, line by line; use as a context manager.
 
     It is written to ``<path>.part`` and renamed when complete; left by an exception, the part stays with every line
-    that was added. Each line reaches the disk at once, and whole: one that finds no room is taken back.
+    that was added. Lines reach the disk at once, and whole: those added together that find no room are taken back.
     """
 
     def __init__(self, path: Path, header: str = '') -> None:
@@ -33,9 +33,9 @@ class TextFile(PartFile):
         if header:
             self.add(header)
 
-    def add(self, line: str) -> None:
-        """Add one line. Raises: OSError where the disk is full."""
-        data, start = f'{line}\n'.encode(), self._stream.tell()
+    def add(self, *lines: str) -> None:
+        """Add lines. Raises: OSError where the disk is full."""
+        data, start = ''.join([f'{line}\n' for line in lines]).encode(), self._stream.tell()
         try:
             while data:
                 data = data[self._stream.write(data):]

@@ -5,18 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from motion_detect_ros.core.types import DoubleArray, EgoMotion, RecordArray, Result
+from motion_detect_ros.results.metrics import boxes_of
 
 CSV_HEADER = 'frame,stamp_ns,id,x,y,w,h,score,vel_u,vel_v,ttc'
 FRAMES_HEADER = 'frame,stamp_ns,ego_status,m00,m01,m02,m10,m11,m12,detections'
 TIMES_HEADER = 'frame,decode,preprocessing,ego_motion,optical_flow,clustering,total'
 
 
-def csv_row(frame: int, stamp_ns: int, record: np.void | RecordArray) -> str:
-    """One detection (``DETECTION_DTYPE``) as a line; x, y is the top left corner, pixels, 5 decimals."""
-    width, height = float(record['width']), float(record['height'])
-    numbers = (float(record['u']) - width / 2, float(record['v']) - height / 2, width, height, float(record['score']),
-               float(record['vel_u']), float(record['vel_v']), float(record['ttc']))
-    return f'{frame},{stamp_ns},{int(record["id"])},' + ','.join(f'{number:.5f}' for number in numbers)
+def csv_rows(frame: int, stamp_ns: int, records: RecordArray) -> list[str]:
+    """The detections of a frame (``DETECTION_DTYPE``), a line each; x, y is the top left corner, pixels, 5 decimals."""
+    figures = np.column_stack([boxes_of(records), *(records[name] for name in ('score', 'vel_u', 'vel_v', 'ttc'))])
+    numbers = ','.join(['%.5f'] * figures.shape[1])
+    return [f'{frame},{stamp_ns},{identity},' + numbers % tuple(row)
+            for identity, row in zip(records['id'].tolist(), figures.tolist(), strict=True)]
 
 
 def frames_row(frame: int, result: Result) -> str:

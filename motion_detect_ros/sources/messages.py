@@ -153,14 +153,18 @@ def camera_info(
 
 def point_cloud(records: RecordArray, stamp_ns: int, frame_id: str) -> Any:
     """sensor_msgs/PointCloud2 whose fields are those of a (N,) structured array, in its order and layout."""
-    fields = [make('sensor_msgs/msg/PointField', name=name, offset=offset, count=1,
-                   datatype=_POINT_FIELD_TYPES[kind.str[1:]])
-              for name, (kind, offset) in _layout(records.dtype)]
     size = records.dtype.itemsize
     return make(
-        POINT_CLOUD, header=header(stamp_ns, frame_id), height=1, width=len(records), fields=fields,
+        POINT_CLOUD, header=header(stamp_ns, frame_id), height=1, width=len(records),
+        fields=[*_point_fields(records.dtype)],
         point_step=size, row_step=size * len(records), is_dense=True,
         data=np.frombuffer(records.tobytes(), np.uint8))
+
+
+@cache
+def _point_fields(dtype: np.dtype[Any]) -> tuple[Any, ...]:
+    return tuple(make('sensor_msgs/msg/PointField', name=name, offset=offset, count=1,
+                      datatype=_POINT_FIELD_TYPES[kind.str[1:]]) for name, (kind, offset) in _layout(dtype))
 
 
 def _layout(dtype: np.dtype[Any]) -> list[tuple[str, tuple[np.dtype[Any], int]]]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from motion_detect_ros.core.types import EgoMotion, EgoStatus, FlowField, Result, StageTimes, empty_detections
-from motion_detect_ros.results.rows import affine_part, csv_row, frames_row, times_row
+from motion_detect_ros.results.rows import affine_part, csv_rows, frames_row, times_row
 
 
 def result(matrix: np.ndarray, status: EgoStatus = EgoStatus.OK) -> Result:
@@ -16,12 +16,15 @@ def result(matrix: np.ndarray, status: EgoStatus = EgoStatus.OK) -> Result:
     return Result(40, ego, flow, empty_detections(2), StageTimes(1.5, 2.25, 4.0, 0.125))
 
 
-def test_csv_row_by_hand() -> None:
-    record = empty_detections(1)
-    record[['u', 'v', 'width', 'height', 'score', 'id']] = (50.5, 20, 11, 4, 0.25, 7)
-    record['ttc'] = np.inf
-    assert csv_row(3, 99, record[0]) == (
-        '3,99,7,45.00000,18.00000,11.00000,4.00000,0.25000,0.00000,0.00000,inf')
+def test_csv_rows_by_hand() -> None:
+    records = empty_detections(2)
+    records[['u', 'v', 'width', 'height', 'score', 'id']] = [(50.5, 20, 11, 4, 0.25, 7), (1, 2, 3, 4, 1, 4294967295)]
+    records['ttc'] = np.inf, np.nan
+    records['vel_v'] = 0.0, -1.5
+    assert csv_rows(3, 99, records) == [
+        '3,99,7,45.00000,18.00000,11.00000,4.00000,0.25000,0.00000,0.00000,inf',
+        '3,99,4294967295,-0.50000,0.00000,3.00000,4.00000,1.00000,0.00000,-1.50000,nan']
+    assert csv_rows(3, 99, records[:0]) == []
 
 
 def test_frames_row_by_hand() -> None:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from motion_detect_ros.core.detection.candidate import Candidate
-from motion_detect_ros.core.geometry.carried import carried, length_scale
+from motion_detect_ros.core.geometry.carried import Rows, carried, length_scale
+from motion_detect_ros.core.geometry.vectors import pair
 from motion_detect_ros.core.periods import exceeded
 from motion_detect_ros.core.types import EgoMotion
 
@@ -49,12 +52,19 @@ class LastFlow:
         self.age_s += ego.dt_s
         if exceeded(self.age_s, INTERVALS * self._every_s, ego.dt_s) or not ego.ok:
             self._candidates = []
-        moved, fresh = [_moved(each, ego) for each in self._candidates], self._fresh
-        self._candidates, self._fresh = [replace(each, growth=None, measured=False) for each in moved], False
-        return moved if fresh else self._candidates
+        rows = ego.matrix.tolist()
+        was, fresh = self._candidates, self._fresh
+        moved = [_moved(each, rows, ego.dt_s) for each in was]
+        self._candidates, self._fresh = moved, False
+        if not fresh:
+            return moved
+        return [replace(each, growth=last.growth, measured=last.measured)
+                for each, last in zip(moved, was, strict=True)]
 
 
-def _moved(candidate: Candidate, ego: EgoMotion) -> Candidate:
-    centre, velocity = carried(ego.matrix, candidate.centre, candidate.velocity_px_s, ego.dt_s)
-    scale = length_scale(ego.matrix.tolist(), candidate.centre.tolist())
-    return replace(candidate, centre=centre, velocity_px_s=velocity, size=scale * candidate.size)
+def _moved(candidate: Candidate, rows: Rows, dt_s: float) -> Candidate:
+    """Without what was measured in its own frame."""
+    centre = pair(candidate.centre)
+    place, velocity = carried(rows, centre, pair(candidate.velocity_px_s), dt_s)
+    return Candidate(np.array(place), length_scale(rows, centre) * candidate.size, np.array(velocity), candidate.area,
+                     candidate.log_odds, candidate.cluster, measured=False)

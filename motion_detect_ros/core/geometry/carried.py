@@ -4,30 +4,19 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from motion_detect_ros.core.geometry.bearings import PIXEL_CENTRE
 from motion_detect_ros.core.geometry.vectors import Pair
-from motion_detect_ros.core.types import DoubleArray
 
 #: The rows of a (3, 3) warp as plain numbers: ``matrix.tolist()``, once for all objects.
 Rows = list[list[float]]
 
 
-def carried(
-    matrix: DoubleArray, centre: DoubleArray, velocity: DoubleArray, dt_s: float,
-) -> tuple[DoubleArray, DoubleArray]:
+def carried(rows: Rows, centre: Pair, velocity: Pair, dt_s: float) -> tuple[Pair, Pair]:
     """Centre and velocity after ``dt_s`` seconds.
 
-    matrix: (3, 3) previous pixel -> current pixel; centre: (2,) of a box, pixels, in edges of pixels (warps are in
-    centres); velocity: (2,) against the background, pixels/s.
+    rows: of the warp previous pixel -> current pixel; centre: of a box, pixels, in edges of pixels (warps are in
+    centres); velocity: against the background, pixels/s.
     """
-    place, speed = carried_pair(matrix.tolist(), centre.tolist(), velocity.tolist(), dt_s)
-    return np.array(place), np.array(speed)
-
-
-def carried_pair(rows: Rows, centre: Pair, velocity: Pair, dt_s: float) -> tuple[Pair, Pair]:
-    """As ``carried``, of plain numbers."""
     (u, v), (a, b), (d, e) = _linear(rows, centre)
     vx, vy = a * velocity[0] + b * velocity[1], d * velocity[0] + e * velocity[1]
     return (u + PIXEL_CENTRE + vx * dt_s, v + PIXEL_CENTRE + vy * dt_s), (vx, vy)

@@ -17,3 +17,9 @@ def magnitude(vectors: Vectors) -> Vectors:
     """(...) length of (..., 2) vectors, in their unit."""
     length: Vectors = np.hypot(vectors[..., 0], vectors[..., 1])
     return length
+
+
+def pair(vector: DoubleArray) -> Pair:
+    """The plain numbers of a (2,) vector."""
+    x, y = vector.tolist()
+    return x, y

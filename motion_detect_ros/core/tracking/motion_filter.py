@@ -6,7 +6,7 @@ so they stay independent with equal covariances: three numbers instead of a matr
 
 from __future__ import annotations
 
-from motion_detect_ros.core.geometry.carried import Rows, carried_pair
+from motion_detect_ros.core.geometry.carried import Rows, carried
 from motion_detect_ros.core.geometry.vectors import Pair
 
 #: Variance of the velocity, 1/s^2 of that of the centre: of a first detection, and of every later one (flow leaks).
@@ -36,7 +36,7 @@ class MotionFilter:
 
         rows: of the warp previous pixel -> current pixel, full resolution; acceleration_px_s2: deviation.
         """
-        self.centre, self.velocity = carried_pair(rows, self.centre, self.velocity, dt_s)
+        self.centre, self.velocity = carried(rows, self.centre, self.velocity, dt_s)
         added = acceleration_px_s2 ** 2
         self._place += (2.0 * self._both + self._speed * dt_s) * dt_s + added * dt_s ** 4 / 4.0
         self._both += self._speed * dt_s + added * dt_s ** 3 / 2.0

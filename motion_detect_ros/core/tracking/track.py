@@ -7,14 +7,13 @@ import math
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.forgetting import kept
 from motion_detect_ros.core.geometry.carried import Rows, length_scale
-from motion_detect_ros.core.geometry.vectors import Pair
+from motion_detect_ros.core.geometry.vectors import Pair, pair
 from motion_detect_ros.core.periods import exceeded
 from motion_detect_ros.core.tracking.alternatives.appearance import Appearance
 from motion_detect_ros.core.tracking.detected_time import DetectedTime
 from motion_detect_ros.core.tracking.motion_filter import MotionFilter
 from motion_detect_ros.core.tracking.time_to_contact import Approach
 from motion_detect_ros.core.tracking.travel import Travel
-from motion_detect_ros.core.types import DoubleArray
 
 #: Measurement noise of a box centre, share of the box's side; and process noise of the velocity, shares per second.
 CENTRE_SHARE = 0.12
@@ -44,8 +43,8 @@ class Track:
     def __init__(self, seen: Candidate, dt_s: float) -> None:
         """dt_s: period of the frame it was seen in, seconds."""
         self.id = 0
-        centre, self.size = _pair(seen.centre), _pair(seen.size)
-        self._filter = MotionFilter(centre, _pair(seen.velocity_px_s), self._noise())
+        centre, self.size = pair(seen.centre), pair(seen.size)
+        self._filter = MotionFilter(centre, pair(seen.velocity_px_s), self._noise())
         self.seen = seen
         self.age = 1
         self.coasted_s, self.coasted_frames = 0.0, 0
@@ -118,9 +117,9 @@ class Track:
 
     def update(self, seen: Candidate, dt_s: float) -> None:
         """Correct with a detection's centre and flow velocity (Kalman 1960); sizes are averaged, log odds add up."""
-        self._found_at(_pair(seen.centre))
-        self._filter.correct(_pair(seen.centre), _pair(seen.velocity_px_s), self._noise())
-        (width, height), (seen_width, seen_height) = self.size, _pair(seen.size)
+        self._found_at(pair(seen.centre))
+        self._filter.correct(pair(seen.centre), pair(seen.velocity_px_s), self._noise())
+        (width, height), (seen_width, seen_height) = self.size, pair(seen.size)
         self.size = _averaged(width, seen_width), _averaged(height, seen_height)
         self._add_log_odds(seen.log_odds, _weight(dt_s), dt_s)
         self.approach.update(seen.growth)
@@ -173,11 +172,6 @@ class Track:
     def _add_log_odds(self, log_odds: float, weight: float, dt_s: float) -> None:
         before = kept(dt_s, LOG_ODDS_MEMORY_S) * self.log_odds
         self.log_odds = min(MAX_LOG_ODDS, before + weight * log_odds)
-
-
-def _pair(vector: DoubleArray) -> Pair:
-    x, y = vector.tolist()
-    return x, y
 
 
 def _averaged(side: float, seen: float) -> float:

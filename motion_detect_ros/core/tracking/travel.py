@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from motion_detect_ros.core.geometry.carried import Rows, carried_pair
+from motion_detect_ros.core.geometry.carried import Rows, carried
 from motion_detect_ros.core.geometry.vectors import Pair
 from motion_detect_ros.core.types import BoolArray
 
@@ -31,7 +31,7 @@ class Travel:
 
     def predict(self, rows: Rows, dt_s: float) -> None:
         """rows: of the warp previous pixel -> current pixel; dt_s: seconds."""
-        self._start, _ = carried_pair(rows, self._start, _AT_REST, dt_s)
+        self._start, _ = carried(rows, self._start, _AT_REST, dt_s)
         self._seconds += dt_s
 
     def jump(self, way: Pair) -> None:

@@ -19,6 +19,7 @@ from motion_detect_ros.core.geometry.cells import first_of_cells
 from motion_detect_ros.core.geometry.lucas_kanade import by_parts
 from motion_detect_ros.core.geometry.vectors import magnitude
 from motion_detect_ros.core.geometry.warp import apply, points_at_scale
+from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.periods import Every
 from motion_detect_ros.core.preprocessing.scene_mask import InnerScene
 from motion_detect_ros.core.trajectories.new_points import BORDER_PX, NewPoints
@@ -44,6 +45,8 @@ CHECKED_EVERY_S, FORWARD_BACKWARD_PX = 0.07, 0.3
 REACH_PX = 3.0
 #: Of points in one cell of this size the oldest stays, pixels.
 THINNED_PX = 2
+#: No mask.
+EVERYWHERE: BoolArray = np.empty((0, 0), np.bool_)
 #: Weight of a new velocity against the remembered one.
 VELOCITY_GAIN = 0.5
 #: New points start with the mean velocity of those in their cell of this size, pixels.
@@ -245,14 +248,18 @@ def _lucas_kanade(
 
 def _usable(places: FloatArray, shape: tuple[int, ...], mask: BoolArray | None) -> BoolArray:
     """(N,) whether a place is on the image, away from its border, and in the mask."""
-    height, width = shape
-    with np.errstate(invalid='ignore'):
-        x, y = places[:, 0], places[:, 1]
-        good: BoolArray = (x >= BORDER_PX) & (y >= BORDER_PX) & (x < width - BORDER_PX) & (y < height - BORDER_PX)
-    if mask is not None:
-        columns, rows = np.rint(np.where(good[:, None], places, 0.0)).astype(np.intp).T
-        good &= mask[rows, columns]
-    return good
+    usable = np.empty(len(places), np.bool_)
+    _fill_usable(places, *shape, EVERYWHERE if mask is None else mask, usable)
+    return usable
+
+
+@kernel()
+def _fill_usable(places, height, width, mask, usable):  # type: ignore[no-untyped-def]
+    """mask: (height, width), or empty, which is True everywhere; places: (N, 2), NaN = nowhere."""
+    for n in range(len(places)):
+        x, y = places[n, 0], places[n, 1]
+        inside = BORDER_PX <= x < width - BORDER_PX and BORDER_PX <= y < height - BORDER_PX
+        usable[n] = inside and (mask.size == 0 or mask[int(np.rint(y)), int(np.rint(x))])
 
 
 def _cells(places: FloatArray, size_px: int) -> npt.NDArray[np.int64]:

@@ -9,7 +9,7 @@ import numpy as np
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.geometry.boxes import Edges, shared_areas
 from motion_detect_ros.core.geometry.vectors import magnitude
-from motion_detect_ros.core.types import BoolArray, DoubleArray
+from motion_detect_ros.core.types import DoubleArray
 
 #: Two boxes show the same place: intersection over union, share of the points' box inside, share of flow's box inside.
 SAME_IOU, POINTS_INSIDE, FLOW_INSIDE = 0.2, 0.5, 0.4
@@ -31,25 +31,27 @@ def united(from_flow: list[Candidate], from_points: list[Candidate], largest_px:
     """
     if not from_points or not from_flow:
         return from_flow + from_points
-    area, other_area = _areas(from_flow)[:, None], _areas(from_points)
-    shared = shared_areas(_edges(from_flow), _edges(from_points))
+    flow, points = _figures(from_flow), _figures(from_points)
+    area, other_area = _areas(flow)[:, None], _areas(points)
+    shared = shared_areas(_edges(flow), _edges(points))
     iou = shared / (area + other_area - shared)
     same = (iou >= SAME_IOU) | (shared >= POINTS_INSIDE * other_area) | (shared >= FLOW_INSIDE * area)
     bare = np.where(same, shared, 0.0).sum(axis=1) < COVERED_SHARE * area[:, 0]
-    alone: list[Candidate] = []
-    points, parts = list(from_points), set[int]()
+    alone, parts, both = list[int](), set[int](), list(from_points)
     for index, (candidate, row, is_bare) in enumerate(zip(from_flow, same.tolist(), bare.tolist(), strict=True)):
         there = [place for place, is_there in enumerate(row) if is_there]
         if is_bare and candidate.log_odds >= CERTAIN_LOG_ODDS and candidate.size.max() > largest_px:
-            alone.append(candidate)
+            alone.append(index)
             parts.update(there)
         elif len(there) == 1 and iou[index, there[0]] >= ONE_OBJECT_IOU:
-            points[there[0]] = _averaged(candidate, from_points[there[0]])
+            both[there[0]] = _averaged(candidate, from_points[there[0]])
+            points[there[0]] = _figures([both[there[0]]])[0]
         elif not there:
-            alone.append(candidate)
-    points = [one for place, one in enumerate(points) if place not in parts]
-    alone = _without_fragments(alone, points)
-    return alone + _without_fragments(points, alone)
+            alone.append(index)
+    left = [place for place in range(len(both)) if place not in parts]
+    alone = _without_fragments(alone, flow, left, points)
+    return [from_flow[index] for index in alone] + [
+        both[place] for place in _without_fragments(left, points, alone, flow)]
 
 
 def _averaged(from_flow: Candidate, from_points: Candidate) -> Candidate:
@@ -59,24 +61,28 @@ def _averaged(from_flow: Candidate, from_points: Candidate) -> Candidate:
                    log_odds=max(from_flow.log_odds, from_points.log_odds), measured=True)
 
 
-def _without_fragments(ones: list[Candidate], others: list[Candidate]) -> list[Candidate]:
-    """Those that are not beside a larger one of the others that moves the same way."""
-    if not ones or not others:
+def _without_fragments(ones: list[int], figures: DoubleArray, others: list[int], of_others: DoubleArray) -> list[int]:
+    """Those that are not beside a larger one of the others that moves the same way; numbers of rows of figures."""
+    own, larger = figures[ones], of_others[others]
+    small, large = np.nonzero(shared_areas(_edges(own, BESIDE_SHARE), _edges(larger)) > 0.0)
+    if not len(small):
         return ones
-    beside = shared_areas(_edges(ones, BESIDE_SHARE), _edges(others)) > 0.0
-    velocity, other_velocity = (np.array([one.velocity_px_s for one in each]) for each in (ones, others))
-    difference = velocity[:, None] - other_velocity
-    alike = magnitude(difference) < ALIKE_SHARE * magnitude(velocity)[:, None]
-    fragment: BoolArray = np.any(beside & alike & (_areas(others) > LARGER * _areas(ones)[:, None]), axis=1)
-    return [one for one, is_one in zip(ones, fragment.tolist(), strict=True) if not is_one]
+    velocity = own[small, 2]
+    alike = magnitude(velocity - larger[large, 2]) < ALIKE_SHARE * magnitude(velocity)
+    fragments = set(small[alike & (_areas(larger)[large] > LARGER * _areas(own)[small])].tolist())
+    return [one for place, one in enumerate(ones) if place not in fragments]
 
 
-def _edges(candidates: list[Candidate], margin_share: float = 0.0) -> Edges:
-    centre = np.array([one.centre for one in candidates])
-    half = np.array([one.size for one in candidates]) * (0.5 + margin_share)
+def _figures(candidates: list[Candidate]) -> DoubleArray:
+    """(n, 3, 2) centres, sizes and velocities."""
+    return np.array([(one.centre, one.size, one.velocity_px_s) for one in candidates])
+
+
+def _edges(figures: DoubleArray, margin_share: float = 0.0) -> Edges:
+    centre, half = figures[:, 0], figures[:, 1] * (0.5 + margin_share)
     return centre - half, centre + half
 
 
-def _areas(candidates: list[Candidate]) -> DoubleArray:
-    area: DoubleArray = np.array([one.size for one in candidates]).prod(axis=1)
+def _areas(figures: DoubleArray) -> DoubleArray:
+    area: DoubleArray = figures[:, 1].prod(axis=1)
     return area

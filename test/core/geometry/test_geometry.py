@@ -84,7 +84,7 @@ class TestCarried:
 
     def test_through_the_warp_in_centres_of_pixels_then_on_at_its_own_velocity(self):
         # centre of pixel (100, 200): 117 and 177 over a depth of 1 + 0.05 + 0.2; the speed by the derivative there
-        place, speed = carried(self.WARP, np.array([100.5, 200.5]), np.array([10.0, 20.0]), 0.1)
+        place, speed = carried(self.WARP.tolist(), (100.5, 200.5), (10.0, 20.0), 0.1)
         np.testing.assert_allclose(speed, [(117.0 + 11.4 * 1e-6) / (1.25 + 0.025e-6) * 1e6 - 93.6e6,
                                            (177.0 + 17.9 * 1e-6) / (1.25 + 0.025e-6) * 1e6 - 141.6e6], rtol=1e-6)
         np.testing.assert_allclose(place, [93.6 + 0.5 + 0.1 * speed[0], 141.6 + 0.5 + 0.1 * speed[1]])
@@ -99,15 +99,16 @@ class TestCarried:
         centre = (place[0] + 0.5, place[1] + 0.5)
         area = cv2.contourArea((there - there[0]).astype(np.float32)) / 1e-4
         assert length_scale(matrix.tolist(), centre) == pytest.approx(math.sqrt(area), rel=1e-3)
-        _, speed = carried(matrix, np.array(centre), np.array([10.0, 0.0]), 0.1)
+        _, speed = carried(matrix.tolist(), centre, (10.0, 0.0), 0.1)
         np.testing.assert_allclose(speed, 1e3 * (there[1] - there[0]), rtol=1e-3, atol=1e-3)
 
     @pytest.mark.parametrize('perspective', [(1e-3, 0.0), (0.0, 1e-3), (-4e-4, 7e-4)])
     def test_places_are_those_of_opencv(self, perspective):
         matrix = self.WARP.copy()
         matrix[2, :2] = perspective
-        place, _ = carried(matrix, np.array([100.5, 200.5]), np.zeros(2), 0.1)
-        np.testing.assert_allclose(place - 0.5, cv2.perspectiveTransform(np.array([[[100.0, 200.0]]]), matrix)[0, 0])
+        place, _ = carried(matrix.tolist(), (100.5, 200.5), (0.0, 0.0), 0.1)
+        there = cv2.perspectiveTransform(np.array([[[100.0, 200.0]]]), matrix)[0, 0]
+        np.testing.assert_allclose(place, there + 0.5)
 
 
 class TestMotionChain:
