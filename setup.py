@@ -12,20 +12,26 @@ from setuptools.command.install import install
 PACKAGE = 'motion_detect_ros'
 NODES = ('camera', 'ego_motion', 'optical_flow', 'art2_clustering', 'pipeline', 'overlay', 'bag_player')
 
-class InstallAndCompile(install):
-    """`colcon build` compiles the kernels too, so that no first start has to; without numba, the first one will.
 
-    Not where files are gathered for another computer, as wheels and Debian packages are.
+class InstallAndCompile(install):
+    """`colcon build` compiles the kernels too, so that no first start has to.
+
+    Not where files are gathered under a root of their own, as for wheels and Debian packages.
     """
 
     def run(self):
-        """As of the base class, and the kernels. A build goes on without them."""
+        """As of the base class, then the kernels. A build goes on without them, and says so."""
         super().run()
         if self.root is None:
-            path = os.pathsep.join([str(Path(self.install_lib).absolute()), os.environ.get('PYTHONPATH', '')])
-            subprocess.run([sys.executable, '-P', '-m', f'{PACKAGE}.kernel_compiler'],
-                           env={**os.environ, 'PYTHONPATH': path}, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                           check=False)
+            there = [str(Path(self.install_lib).absolute()), *filter(None, [os.environ.get('PYTHONPATH')])]
+            try:
+                subprocess.run([sys.executable, '-P', '-m', f'{PACKAGE}.kernel_compiler'], check=True, timeout=600,
+                               env={**os.environ, 'PYTHONPATH': os.pathsep.join(there)}, stdin=subprocess.DEVNULL,
+                               capture_output=True, text=True)
+            except (OSError, subprocess.SubprocessError) as error:
+                said = error.stderr if isinstance(error, subprocess.CalledProcessError) and error.stderr else str(error)
+                print(f'{PACKAGE}: kernels are not compiled, the first start will do it: {said.splitlines()[-1]}',
+                      file=sys.stderr)
 
 
 setup(

@@ -4,7 +4,7 @@
 # A notebook in the percent format: open it in VS Code, Spyder or PyCharm, or with `jupytext --to ipynb`, and run it
 # cell by cell; or run it whole as a script, without ROS:
 #
-#     pip install 'motion_detect_ros[report]' pandas
+#     pip install jinja2 plotly av pandas
 #     python3 analyse_flight.py flight.mcap out
 #
 # `replay` writes tables, pandas reads them: `detections.csv` (a row an object and frame), `frames.csv` (a row a frame:

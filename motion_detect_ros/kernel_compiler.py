@@ -2,7 +2,7 @@
 
 One process alone takes the longer, and keeps the memory of the compiler for good. Which kernels a start needs, for
 what types of arguments, stands in ``kernels.json``, written by ``benchmarks.kernel_table``; what it lacks is compiled
-where it is called. Run as a program by an installation, it compiles all of them.
+where it is called. Run as a program, by an installation, this compiles all of the table.
 """
 
 from __future__ import annotations
@@ -152,11 +152,11 @@ class _Compiler:
 
 
 def main() -> None:
-    """Those of any start."""
+    """Those of all starts in the table. Raises: SystemExit where they are not in the cache then."""
     if can_be_cached():
         compile_elsewhere(signatures(), lambda count: None)
-    else:
-        print('kernels are not compiled: no folder for the cache of numba can be written')
+    if not from_cache(PipelineConfig()):
+        raise SystemExit('they cannot be kept: no folder for the cache of numba can be written, or it is full')
 
 
 if __name__ == '__main__':

@@ -39,6 +39,7 @@ ARGUMENTS: tuple[Argument, ...] = (
                      'empty = as in params_file, else camera_optical_frame'),
     ('image_topic', 'image_raw', 'topic of the images'),
     ('camera_info_topic', 'camera_info', 'topic of the calibration'),
+    ('imu_topic', 'imu', 'topic of the angular rates, where imu.use is set'),
     ('image_reliability', '', 'asked of the camera driver; auto: reliable, best effort where it is; '
                               'empty = as in params_file, else auto'),
     ('image_transport', '', 'raw, or compressed: the compressed images of image_topic; '
@@ -117,8 +118,9 @@ class Detector:
         return {'respawn': True, 'respawn_delay': 2.0} if self._respawn else {}
 
     def _topics(self) -> list[tuple[str, str]]:
-        image, info = self._values['image_topic'], self._values['camera_info_topic']
-        return [('image_raw', image), ('image_raw/compressed', f'{image}/compressed'), ('camera_info', info)]
+        image, info, imu = (self._values[name] for name in ('image_topic', 'camera_info_topic', 'imu_topic'))
+        return [('image_raw', image), ('image_raw/compressed', f'{image}/compressed'), ('camera_info', info),
+                ('imu', imu)]
 
     def _source_is_file(self) -> bool:
         """A file is over once, and its start would be lost while the stages warm up. Raises: SourceError for none."""

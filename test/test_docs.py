@@ -97,6 +97,20 @@ def test_documents_linked_from_the_pages_exist():
             assert (page.parent / target).exists() or '://' in target, f'{page.name}: {target}'
 
 
+def headings(path: Path) -> set[str]:
+    """The anchors of a page, as GitHub makes them of its headings."""
+    lines = re.findall(r'^#+ +(.+?) *$', path.read_text(encoding='utf-8'), re.MULTILINE)
+    return {re.sub(r'[^\w -]', '', line.lower()).replace(' ', '-') for line in lines}
+
+
+def test_headings_linked_from_the_pages_exist():
+    linked = [(page.parent / (target or page.name), anchor)
+              for page in (ROOT / 'README.md', *(ROOT / 'docs').glob('*.md'))
+              for target, anchor in re.findall(r'\]\(((?!\w+:)[^)#]*)#([^)]+)', page.read_text(encoding='utf-8'))]
+    assert len(linked) > 10
+    assert [(path.name, anchor) for path, anchor in linked if anchor not in headings(path)] == []
+
+
 def test_rows_of_the_reliability_page_are_those_that_tests_show():
     rows = re.findall(r'^\| (.+?) \| (.+?) \| .+ \| `[^`]+` \|$', page('reliability.md'), re.MULTILINE)
     assert len(rows) == len(set(rows)) > 10

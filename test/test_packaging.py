@@ -102,6 +102,17 @@ def test_colcon_build_compiles_the_kernels(preset: str, colcon_prefix: Path, tmp
         str(site / PACKAGE / 'kernel_compiler.py'), 'True']
 
 
+def test_an_installation_without_numba_goes_on_and_says_so(source: Path, tmp_path: Path) -> None:
+    (tmp_path / 'numba.py').write_text("raise ImportError('there is none')\n", encoding='ascii')
+    printed = run(
+        sys.executable, 'setup.py', '-q', 'install', '--prefix', tmp_path, '--single-version-externally-managed',
+        '--record', tmp_path / 'install.log', cwd=source, PYTHONPATH=str(tmp_path))
+    (line,) = [line for line in printed.splitlines() if line.startswith('motion_detect_ros:')]
+    assert line == ('motion_detect_ros: kernels are not compiled, the first start will do it: '
+                    'ImportError: there is none')
+    assert len([*tmp_path.rglob('kernel_compiler.py')]) == 1
+
+
 @pytest.mark.parametrize('scheme', ['--target', '--prefix'])
 def test_installed_package_finds_its_presets_without_ament(scheme: str, source: Path, tmp_path: Path) -> None:
     """``pip --user`` lays it out as ``--prefix`` does."""

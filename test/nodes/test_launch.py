@@ -72,9 +72,10 @@ def test_nodes_are_programs_of_the_package(tmp_path: Path, launched):
 
 def test_remapped_topics_are_topics_of_the_nodes(launched):
     known = {value.name for value in vars(topics).values() if isinstance(value, topics.Topic)}
-    for node in launched(DETECT, image_topic='cam/image', camera_info_topic='cam/info'):
+    for node in launched(DETECT, image_topic='cam/image', camera_info_topic='cam/info', imu_topic='fcu/imu'):
         assert dict(node['remappings']) == {
-            'image_raw': 'cam/image', 'image_raw/compressed': 'cam/image/compressed', 'camera_info': 'cam/info'}
+            'image_raw': 'cam/image', 'image_raw/compressed': 'cam/image/compressed', 'camera_info': 'cam/info',
+            'imu': 'fcu/imu'}
         assert set(dict(node['remappings'])) <= known
 
 
