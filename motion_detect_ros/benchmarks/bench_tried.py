@@ -26,8 +26,10 @@ processor time faster than the difference everywhere, than KLT + DBSCAN on KITTI
 (the table above: 2.0); processor time 1.5 times: 80, 117 ms | 171 candidates: errors and photometric test 7 ms, \
 tracks 5, patches 4, growth 2, all of it once for each object; the flow is the same |
 | `replay` 1.6 times as fast by overlapping its steps | 1.3 times on 305 and `uavdt_M1303`, 1.4 on KITTI, beside one \
-frame after the other (1.1 to 1.3 before; below) | 1.6 would be two cores without a gap: they are busy for 0.62 of the \
-time one frame after the other, for 0.81 to 0.88 now; in the rest steps wait for Python's lock |
+frame after the other (1.1 to 1.3 before; below); 1.5, 1.5 and 2.0 times as fast as `replay` of the first version \
+(medians of 6 to 8 runs in turn in two hours, 1.2 to 2.6) | 1.6 would be two cores without a gap: they are busy for \
+0.62 of the time one frame after the other, for 0.81 to 0.88 now; in the rest steps wait for Python's lock, which is \
+held for 0.61 of the time (305) |
 | first start after an installation 6 s | 1.8 to 1.9 s after `colcon build`, which compiles the kernels (below); where \
 it has not, as after `pip install`, 8.0 s in this run, 6.3 to 6.6 s in others on a quiet machine, 11 s beside others, \
 10.1 to 10.3 s on the slower machine | reached with `colcon build`; without it 60 kernels take over 20 s of processor \
@@ -155,6 +157,10 @@ ms |
 does its frame with one thread instead of two (305, `uavdt_M1303`, KITTI, all but the start, a slow hour of the \
 tables' machine, four runs in turn, the same bytes; ms a frame. One frame after the other: 44 to 64, 52 to 68, 37 to \
 40) | 40 to 48, 47 to 68, 29 to 32 ms | 35 to 40, 41 to 56, 26 to 29 ms |
+| figures of candidates stacked once a frame, one kernel for which points are usable (305, `uavdt_M1303`, 339; frame \
+by frame in turn, medians of ratios: frame to answer; clustering stage) | 1; 1 | 0.97, 0.99, 0.99; 0.96, 0.97, 0.98 |
+| all rows of a frame's detections formatted and written at once (20 detections: `detections.csv`; \
+`detections.mcap`) | 0.20; 1.0 ms | 0.08; 0.9 ms |
 | kernels compiled by `colcon build` (start of `pipeline` to its first message after it, `default` and `visdrone`; the \
 build, 3 s without it) | 8.0 to 10.3 s | 1.8, 1.9 s; 19 s |
 | `replay`, `demo` and `tune` have missing kernels compiled by other processes first, and say so (first replay of 12 \
@@ -196,8 +202,6 @@ in the way, and that a frame's points wait for what the last one has shown |
 turns of Python's lock (1, 0.2 ms); 4 or 8 instead of 2 frames between two steps (wall over processor time, which a \
 slow hour hardly changes: 305, KITTI) | 0.63, 0.63; 0.59 to 0.60, 0.56 to 0.58; 0.59 instead of 0.59 to 0.60, 0.57 to \
 0.59 |
-| candidates of flow and points stacked once instead of for each comparison (`united`, 20 of each) | 0.39 instead of \
-0.36 ms |
 | `replay`: a low priority for the threads that read and measure ahead | 28.1 instead of 30.1 ms a frame, on Linux \
 only |
 | segments of a frame of 29 by two threads (KITTI) | 26.4 to 27.4 instead of 25.9 to 27.2 ms, and 2 ms more processor \
