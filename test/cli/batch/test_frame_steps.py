@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 import weakref
 from collections.abc import Iterator
@@ -82,14 +83,31 @@ def test_what_is_done_is_what_one_frame_after_the_other_gives(tmp_path: Path, pr
     assert sum(map(len, expected)) > 0
 
 
+def test_a_refused_picture_is_let_go_while_it_waits_for_the_steps(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+) -> None:
+    """Its error would hold it."""
+    detect, source, goes_on = MotionPipeline.detect, Pictures(bad=5), threading.Event()
+
+    def held_up(self: MotionPipeline, measured: Measured) -> Result:
+        goes_on.wait()  # so that it is between two steps before
+        return detect(self, measured)
+
+    monkeypatch.setattr(MotionPipeline, 'detect', held_up)
+    job, deadline = Job('pictures', tmp_path, PipelineConfig()), time.monotonic() + 60.0
+    with frames_done(job, source, MotionPipeline(), None, Tally()):  # type: ignore[arg-type]
+        try:
+            while len(source.given) <= 5 or source.given[5]() is not None:
+                assert time.monotonic() < deadline
+                time.sleep(0.01)
+        finally:
+            goes_on.set()
+
+
 def test_a_picture_that_the_core_refuses_goes_through_all_steps_in_its_place(tmp_path: Path) -> None:
-    job, source, held = Job('pictures', tmp_path, PipelineConfig()), Pictures(bad=5), False
+    job, source = Job('pictures', tmp_path, PipelineConfig()), Pictures(bad=5)
     with frames_done(job, source, MotionPipeline(), None, Tally()) as frames:  # type: ignore[arg-type]
-        done = []
-        for each in frames:
-            done.append(each)
-            held |= each.frame.index == 5 and source.given[5]() is not None
-    assert not held, 'its error holds it'
+        done = list(frames)
     assert [each.frame.index for each in done] == list(range(FRAMES))
     assert [each.frame.index for each in done if each.result is None] == [5]
     assert 'got (60, 80, 2)' in done[5].refused
