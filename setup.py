@@ -23,10 +23,10 @@ class InstallAndCompile(install):
         """As of the base class, then the kernels. A build goes on without them, and says so."""
         super().run()
         if self.root is None:
-            there = [str(Path(self.install_lib).absolute()), *filter(None, [os.environ.get('PYTHONPATH')])]
+            path = os.pathsep.join(filter(None, [str(Path(self.install_lib).absolute()), os.environ.get('PYTHONPATH')]))
             try:
                 subprocess.run([sys.executable, '-P', '-m', f'{PACKAGE}.kernel_compiler'], check=True, timeout=600,
-                               env={**os.environ, 'PYTHONPATH': os.pathsep.join(there)}, stdin=subprocess.DEVNULL,
+                               env={**os.environ, 'PYTHONPATH': path}, stdin=subprocess.DEVNULL,
                                capture_output=True, text=True)
             except (OSError, subprocess.SubprocessError) as error:
                 said = error.stderr if isinstance(error, subprocess.CalledProcessError) and error.stderr else str(error)

@@ -156,7 +156,7 @@ def main() -> None:
     if can_be_cached():
         compile_elsewhere(signatures(), lambda count: None)
     if not from_cache(PipelineConfig()):
-        raise SystemExit('they cannot be kept: no folder for the cache of numba can be written, or it is full')
+        raise SystemExit('they are not in the cache of numba: it cannot be written, or a compiler has failed')
 
 
 if __name__ == '__main__':

@@ -9,7 +9,7 @@ import numpy as np
 from motion_detect_ros.results.detection_writer import FrameDetections, finite
 from motion_detect_ros.results.files import CSV_NAME, MOT_NAME, TextFile
 from motion_detect_ros.results.metrics import boxes_of
-from motion_detect_ros.results.rows import CSV_HEADER, csv_rows
+from motion_detect_ros.results.rows import CSV_HEADER, csv_rows, with_commas
 
 
 class CsvDetections(TextFile):
@@ -43,6 +43,5 @@ class MotDetections(TextFile):
         """Add the lines of one frame."""
         records = finite(found.records)
         figures = np.column_stack([boxes_of(records) + FIRST_PIXEL, records['score']])
-        numbers = ','.join(['%.5f'] * figures.shape[1])
-        self.add(*(f'{found.frame + 1},{identity},{numbers % tuple(row)},-1,-1,-1'
-                   for identity, row in zip(records['id'].tolist(), figures.tolist(), strict=True)))
+        self.add(*(f'{found.frame + 1},{identity},{numbers},-1,-1,-1'
+                   for identity, numbers in zip(records['id'].tolist(), with_commas(figures), strict=True)))

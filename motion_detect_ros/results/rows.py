@@ -15,9 +15,14 @@ TIMES_HEADER = 'frame,decode,preprocessing,ego_motion,optical_flow,clustering,to
 def csv_rows(frame: int, stamp_ns: int, records: RecordArray) -> list[str]:
     """The detections of a frame (``DETECTION_DTYPE``), a line each; x, y is the top left corner, pixels, 5 decimals."""
     figures = np.column_stack([boxes_of(records), *(records[name] for name in ('score', 'vel_u', 'vel_v', 'ttc'))])
+    return [f'{frame},{stamp_ns},{identity},{numbers}'
+            for identity, numbers in zip(records['id'].tolist(), with_commas(figures), strict=True)]
+
+
+def with_commas(figures: DoubleArray) -> list[str]:
+    """Each row of (n, m) numbers, 5 decimals."""
     numbers = ','.join(['%.5f'] * figures.shape[1])
-    return [f'{frame},{stamp_ns},{identity},' + numbers % tuple(row)
-            for identity, row in zip(records['id'].tolist(), figures.tolist(), strict=True)]
+    return [numbers % tuple(row) for row in figures.tolist()]
 
 
 def frames_row(frame: int, result: Result) -> str:

@@ -33,6 +33,13 @@ def test_a_line_that_finds_no_room_is_taken_back(tmp_path: Path):
     assert not (tmp_path / 'a.csv').exists()
 
 
+def test_lines_added_together_are_taken_back_together(tmp_path: Path):
+    with pytest.raises(OSError, match='too large'), TextFile(tmp_path / 'a.csv', 'head') as file, largest_file(20):
+        file.add('row 0,')
+        file.add('row 1,', 'row 2,')  # there is room for the first of them
+    assert (tmp_path / 'a.csv.part').read_text() == 'head\nrow 0,\n'
+
+
 def test_a_line_after_one_that_found_no_room_is_where_that_began(tmp_path: Path):
     """As the end of coco.json, once there is room again."""
     with TextFile(tmp_path / 'a.csv', 'head') as file:

@@ -14,6 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from motion_detect_ros.core.config import TracksConfig
 from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.forgetting import kept
+from motion_detect_ros.core.geometry.vectors import pair
 from motion_detect_ros.core.tracking.alternatives.appearance import APPEARANCE_MODELS
 from motion_detect_ros.core.tracking.lost_tracks import LostTracks
 from motion_detect_ros.core.tracking.nested import known_longest
@@ -137,8 +138,7 @@ class Tracker:
         found = track.appearance.find(gray, np.array(track.centre) * scale, np.array(track.size) * scale)
         if found is None:
             return False
-        u, v = (found / scale).tolist()
-        track.coast_recognised((u, v), dt_s, self._config.appearance_hold_s)
+        track.coast_recognised(pair(found / scale), dt_s, self._config.appearance_hold_s)
         return True
 
     def _predict(self, matrix: DoubleArray, dt_s: float, width: int, height: int) -> None:
