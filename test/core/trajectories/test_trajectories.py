@@ -85,6 +85,22 @@ class TestPoints:
         assert not frames.add(prepared(gray, 4), replace(ego(np.eye(3), 4), status=EgoStatus.LOW_TEXTURE))
         assert step(tracker, frames).age.max() == 0
 
+    def test_those_that_come_to_lie_beside_or_in_what_is_masked_go_and_no_others(self) -> None:
+        gray, mask = smooth_texture(1, 200, 300), np.ones((200, 300), np.bool_)
+        mask[20:80, 200:280] = False
+        frames, tracker = RecentFrames(), PointTracker(500)
+        for index in range(2):
+            frames.add(prepared(gray, index), ego(np.eye(3), index))
+            before = step(tracker, frames)
+        frames.add(prepared(gray, 2), ego(np.eye(3), 2))
+        after = tracker.track(frames, mask)
+        outside = np.maximum.reduce([200 - before.now[:, 0], before.now[:, 0] - 279,
+                                     20 - before.now[:, 1], before.now[:, 1] - 79])  # pixels from the masked ones
+        stay = set(after.number.tolist())
+        assert set(before.number[outside > points_module.MASKED_PX + 1].tolist()) <= stay
+        assert not stay & set(before.number[outside < 1].tolist())
+        assert np.sum(outside < 1) > 10
+
     def test_half_of_them_is_tracked_back_in_each_frame_and_all_in_two(self, monkeypatch: pytest.MonkeyPatch) -> None:
         back: list[np.ndarray] = []
         track = points_module._lucas_kanade
@@ -466,6 +482,12 @@ class TestUnion:
         assert united([body], [part], LARGEST_PX) == [body]
         against = candidate(126, 12, 0.0, speed=-20.0)
         assert united([body], [against], LARGEST_PX) == [body, against]
+
+    def test_a_part_is_one_of_what_both_views_show_together(self) -> None:
+        flow, points, part = candidate(100, 34, 1.0), candidate(100, 20, 0.0), candidate(124, 17.4, 0.0)
+        assert united([part], [points], LARGEST_PX) == [part, points], '400 pixels are less than 1.5 times 303'
+        one, = united([flow, part], [points], LARGEST_PX)  # (0.7 * 20 + 0.3 * 34) ** 2 are more
+        np.testing.assert_allclose(one.size, 24.2)
 
     def test_parts_of_what_is_larger_than_points_show_give_way_unless_they_cover_it(self) -> None:
         bus, window = candidate(200, 120, 1.0), candidate(180, 30, 1.0)
