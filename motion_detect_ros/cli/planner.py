@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import threading
-import time
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import rclpy
@@ -37,6 +37,7 @@ class Planner:
 
     The player shows on ``/clock`` when an image was recorded just before it publishes the image: that is where latency
     counts from. Which image that is, ``expect`` tells, as the stamp of an image is not the time of its recording.
+    Arrivals are as the middleware noted them: a thread that runs late handles an answer before its tick, or both late.
     """
 
     def __init__(self, domain_id: int, namespace: str = '') -> None:
@@ -52,6 +53,7 @@ class Planner:
         self._clock_of: dict[int, int] = {}
         self._shown_ns: dict[int, int] = {}
         self._received: list[Received] = []
+        self._arrived_ns: list[int] = []
         self._found: dict[str, dict[str, int]] = {}
         self._counters: dict[str, dict[str, int]] = {}
         self._place_at: dict[int, int] = {}
@@ -75,7 +77,8 @@ class Planner:
     def received(self) -> list[Received]:
         """Everything so far, in the order of arrival."""
         with self._changed:
-            return list(self._received)
+            return [replace(message, latency_ms=self._since_image_ms(message.stamp_ns, arrived_ns))
+                    for message, arrived_ns in zip(self._received, self._arrived_ns, strict=True)]
 
     @property
     def answers(self) -> int:
@@ -108,6 +111,7 @@ class Planner:
         """
         with self._changed:
             self._received.clear()
+            self._arrived_ns.clear()
             self._shown_ns.clear()
             self._clock_of = dict(clock_of)
             asked = [stamp for stamp in clock_of if wanted is None or stamp in wanted]
@@ -149,10 +153,15 @@ class Planner:
         except ExternalShutdownException:
             return
 
-    def _on_clock(self, msg: Any) -> None:
+    def _since_image_ms(self, stamp: int, arrived_ns: int) -> float:
+        clock_ns = self._clock_of.get(stamp)
+        shown_ns = None if clock_ns is None else self._shown_ns.get(clock_ns)
+        return math.nan if shown_ns is None else (arrived_ns - shown_ns) / 1e6
+
+    def _on_clock(self, msg: Any, info: Mapping[str, int]) -> None:
         with self._changed:
             clock_ns = CLOCK.from_msg(msg)
-            self._shown_ns[clock_ns] = time.monotonic_ns()
+            self._shown_ns[clock_ns] = info['received_timestamp']
             self._shown = max(self._shown, self._place_at.get(clock_ns, 0))
         self.watch()
 
@@ -164,14 +173,11 @@ class Planner:
                                      if key.startswith(SUBSCRIBERS_OF)}
                 self._counters[node] = {key: int(said[key]) for key in COUNTERS if key in said}
 
-    def _on_detections(self, msg: Any) -> None:
-        now_ns, stamp = time.monotonic_ns(), stamp_ns(msg.header)
-        records = DETECTIONS.from_msg(msg)
+    def _on_detections(self, msg: Any, info: Mapping[str, int]) -> None:
+        stamp, records = stamp_ns(msg.header), DETECTIONS.from_msg(msg)
         with self._changed:
-            clock_ns = self._clock_of.get(stamp)
-            shown_ns = None if clock_ns is None else self._shown_ns.get(clock_ns)
-            latency_ms = (now_ns - shown_ns) / 1e6 if shown_ns is not None else float('nan')
-            self._received.append(Received(stamp, records, latency_ms, msg.header.frame_id))
+            self._received.append(Received(stamp, records, math.nan, msg.header.frame_id))
+            self._arrived_ns.append(info['received_timestamp'])
             self._answered = max(self._answered, self._place_of.get(stamp, 0))
             self._changed.notify_all()
         self.watch()
