@@ -15,7 +15,7 @@ from motion_detect_ros.core.detection.motion_field import MotionField, cells_of
 from motion_detect_ros.core.detection.patches import Patch, parted_patch
 from motion_detect_ros.core.detection.photometric import PhotometricTest, Place, photometric_tests, reach_px
 from motion_detect_ros.core.detection.prediction_errors import PredictionErrors
-from motion_detect_ros.core.detection.scoring import log_odds
+from motion_detect_ros.core.detection.scoring import LEAST_LOG_ODDS, log_odds
 from motion_detect_ros.core.detection.segment_patches import CellEdges, JoinLimits, segment_patches
 from motion_detect_ros.core.detection.segments import Segment
 from motion_detect_ros.core.detection.several_objects import LARGER, UsualSize
@@ -63,7 +63,7 @@ class ObjectFinder:
         self, segments: list[Segment], field: MotionField, pair: ImagePair, names: npt.NDArray[np.uint32],
         stamp_ns: int,
     ) -> list[Candidate]:
-        """Candidates in full-resolution pixels.
+        """Candidates in full-resolution pixels, those that say less against an object than a frame without one would.
 
         names: (K,) number of each ART2 neuron; stamp_ns: of the current picture of ``pair``.
         """
@@ -130,7 +130,9 @@ def _place(
 def _candidates(
     patches: list[Patch], field: MotionField, size: tuple[int, ...], names: list[int],
 ) -> list[Candidate]:
-    """What each patch of an image of this height and width is, and how it moves; names: of their neurons."""
+    """What each patch of an image of this height and width is, and how it moves, where it may be an object at all;
+    names: of their neurons.
+    """
     if not patches:
         return []
     boxes = np.array([each.box.edges for each in patches])
@@ -143,4 +145,4 @@ def _candidates(
         patches, sigmas.tolist(), known.tolist(), around.tolist(), strict=True)]
     return [Candidate(centre, extent, velocity, patch.pixels / field.scale ** 2, likely, name)
             for centre, extent, velocity, patch, likely, name in zip(
-                centres, sizes, velocities, patches, odds, names, strict=True)]
+                centres, sizes, velocities, patches, odds, names, strict=True) if likely >= LEAST_LOG_ODDS]

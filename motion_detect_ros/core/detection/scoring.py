@@ -18,6 +18,8 @@ PER_LOG_PIXELS = 1.9
 PER_LOG_SIGMAS = 1.25
 PER_KNOWN_SHARE = 5.5
 PER_KNOWN_AROUND = 6.9
+#: What says less for an object than this is no candidate: not having been seen says as much (``tracking.track``).
+LEAST_LOG_ODDS = -2.0
 #: Least motion, noise units.
 MIN_SIGMAS = 0.1
 
