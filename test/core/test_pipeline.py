@@ -19,8 +19,7 @@ from motion_detect_ros.core.clustering_stage import ClusteringStage
 from motion_detect_ros.core.config import PipelineConfig, PreprocessingConfig, TracksConfig
 from motion_detect_ros.core.detection.detector import MotionDetector
 from motion_detect_ros.core.detection.image_pair import ImagePair
-from motion_detect_ros.core.detection.photometric import Place, photometric_tests
-from motion_detect_ros.core.detection.prediction_errors import PredictionErrors
+from motion_detect_ros.core.detection.photometric import Place, photometric_tests_apart
 from motion_detect_ros.core.ego_motion import feature_based
 from motion_detect_ros.core.ego_motion.stage import EgoMotionStage, no_estimate
 from motion_detect_ros.core.errors import ConfigError, FrameError
@@ -605,9 +604,8 @@ class TestPhotometricTest:
         return self.found(ImagePair(pair[1], pair[0], np.eye(3)), np.float32([shift_px, 0]))
 
     def found(self, pair: ImagePair, motion: np.ndarray):
-        still, all_of_it = np.zeros(2, np.float32), Box(0, 0, 200, 130)
-        background = PredictionErrors.within(pair, all_of_it, still)
-        return photometric_tests(pair, background, [Place(Box(20, 10, 180, 120), 20, motion)], self.NOISE, 3.0)[0]
+        place, still = Place(Box(20, 10, 180, 120), 20, motion), np.zeros(2, np.float32)
+        return photometric_tests_apart(pair, [still], [place], self.NOISE, 3.0)[0]
 
     @pytest.mark.parametrize('ground', [texture(5, 130, 200), np.full((130, 200), 120, np.uint8)],
                              ids=['texture', 'plain'])

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +26,9 @@ from motion_detect_ros.core.detection.prediction_errors import PredictionErrors
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.threads import HELPERS
 from motion_detect_ros.core.types import BoolArray, FloatArray
+
+#: One tile, all of it wanted.
+WHOLE = np.ones((1, 1), np.bool_)
 
 
 @dataclass(frozen=True)
@@ -74,33 +78,83 @@ def photometric_tests(
 ) -> PhotometricTests:
     """Which pixels of each place its motion explains better than the background, by ``threshold_sigma`` noise levels.
 
-    background: errors under its flow, known within the places' reach; noise_gray: one deviation; parts: threads.
+    background: errors under its flow, known within the places' reach; places: at least one; noise_gray: one deviation;
+    parts: threads.
     """
-    boxes = np.array([(*each.region.edges, each.reach) for each in places])
-    motions = np.stack([each.motion for each in places])
-    sides = boxes[:, 2:4] - boxes[:, :2]
-    starts = np.concatenate([[0], np.cumsum(sides.prod(axis=1))])
-    foreground, gain = np.zeros(starts[-1], np.bool_), np.empty(starts[-1], np.float32)
-    size = np.array(pair.current.shape[::-1])
-    windows = np.minimum(sides + 2 * np.maximum(boxes[:, 4:], BESIDE_PX), size)  # at most so large
-    width, height = (windows.max(axis=0) + 2 * BESIDE_PX).tolist()
-    pixels, area = int(np.diff(starts).max()), int(windows.prod(axis=1).max())
+    work = _Work.of(pair, places)
+    limits = _limits(noise_gray, threshold_sigma)
 
     def every(first: int) -> None:
-        compare(*pair.pictures, pair.back, background.values, background.box.left, background.box.top, boxes,
-                background.flow, motions, np.float32(noise_gray ** 2),
-                np.float32((noise_gray * threshold_sigma) ** 2), np.float32(threshold_sigma ** 2), first, parts,
-                np.empty((2, width), np.uint32), np.empty((4, width), np.uint8), np.empty((9, width), np.float32),
-                np.empty(width, np.int32), np.empty(area, np.uint16), np.empty((height, 2), np.int64),
-                np.empty((pixels, 4), np.int32), np.empty(area, np.bool_), starts, foreground, gain)
+        compare(*pair.pictures, pair.back, background.values, work.boxes, background.flow[None], False, WHOLE,
+                work.motions, *limits, first, parts, *work.scratch(), work.starts, work.foreground, work.gain)
 
     HELPERS.share(every, range(parts))
-    tests = PhotometricTests(boxes[:, :4], starts, foreground, gain)
-    if pair.mask is not None:
-        for n, place in enumerate(places):
-            region, mask = place.region, tests[n].foreground
-            mask &= pair.mask[region.top:region.bottom, region.left:region.right]
-    return tests
+    return work.tests(pair.mask)
+
+
+def photometric_tests_apart(
+    pair: ImagePair, flows: Sequence[FloatArray], places: Sequence[Place], noise_gray: float, threshold_sigma: float,
+) -> PhotometricTests:
+    """The same, each against a background that moves in its own way. flows: (2,) of each, beyond the ego-motion, pixels
+    over the pair.
+    """
+    work = _Work.of(pair, places)
+    compare(*pair.pictures, pair.back, np.empty((1, work.area), np.uint16), work.boxes,
+            np.stack(flows)[:, None, None], True, WHOLE, work.motions, *_limits(noise_gray, threshold_sigma), 0, 1,
+            *work.scratch(), work.starts, work.foreground, work.gain)
+    return work.tests(pair.mask)
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What kernels fill for several places. ``boxes``: (n, 5) with the reach; ``width``, ``height``, ``area``: of the
+    largest with what it reaches to and one pixel beside that; ``pixels``: of the largest.
+    """
+
+    boxes: npt.NDArray[np.int64]
+    motions: FloatArray
+    starts: npt.NDArray[np.int64]
+    foreground: BoolArray
+    gain: FloatArray
+    width: int
+    height: int
+    area: int
+    pixels: int
+
+    @classmethod
+    def of(cls, pair: ImagePair, places: Sequence[Place]) -> _Work:
+        """Empty. places: at least one."""
+        boxes = np.array([(*each.region.edges, each.reach) for each in places])
+        sides = boxes[:, 2:4] - boxes[:, :2]
+        pixels = sides.prod(axis=1)
+        starts = np.concatenate([[0], np.cumsum(pixels)])
+        reached = np.minimum(sides + 2 * (boxes[:, 4:] + BESIDE_PX), pair.current.shape[::-1])
+        width, height = reached.max(axis=0).tolist()
+        return cls(boxes, np.stack([each.motion for each in places]), starts, np.zeros(starts[-1], np.bool_),
+                   np.empty(starts[-1], np.float32), width, height, int(reached.prod(axis=1).max()), int(pixels.max()))
+
+    def scratch(self) -> tuple[npt.NDArray[Any], ...]:
+        """What each thread of ``compare`` needs for itself."""
+        wide = self.width + 2 * BESIDE_PX
+        return (np.empty((2, wide), np.uint32), np.empty((4, wide), np.uint8), np.empty((9, wide), np.float32),
+                np.empty(wide, np.int32), np.empty(self.area, np.uint16),
+                np.empty((self.height + 2 * BESIDE_PX, 2), np.int64), np.empty((self.pixels, 4), np.int32),
+                np.empty(self.area, np.bool_))
+
+    def tests(self, mask: BoolArray | None) -> PhotometricTests:
+        """As they are now. mask: (H, W), False = not the scene."""
+        tests = PhotometricTests(self.boxes[:, :4], self.starts, self.foreground, self.gain)
+        if mask is not None:
+            for n, (left, top, right, bottom) in enumerate(tests.boxes.tolist()):
+                pixels = tests[n].foreground
+                pixels &= mask[top:bottom, left:right]
+        return tests
+
+
+def _limits(noise_gray: float, threshold_sigma: float) -> tuple[np.float32, np.float32, np.float32]:
+    """Variance of the noise, mean error from which an image changed, least gain."""
+    return (np.float32(noise_gray ** 2), np.float32((noise_gray * threshold_sigma) ** 2),
+            np.float32(threshold_sigma ** 2))
 
 
 def reach_px(object_motion: FloatArray) -> int:

@@ -20,28 +20,37 @@ SLACK_PX = 5
 
 @kernel()
 def compare(  # type: ignore[no-untyped-def]
-    current, reference, back, errors, errors_left, errors_top, boxes, flow, motions, noise, change, threshold, first,
-    step, indices, corners, rows, sums, moved, spans, origins, over, starts, masks, gains,
+    current, reference, back, errors, boxes, flows, apart, whole, motions, noise, change, threshold, first, step,
+    indices, corners, rows, sums, moved, spans, origins, over, starts, masks, gains,
 ):
     """``masks``: pixels of every ``step``-th region with a gain over ``threshold`` and a change at their origin, within
     the region's reach; ``gains``: over ``noise``, 0 where the background leaves no more than ``threshold``; those of
     each begin at ``starts``, (n + 1,).
 
-    errors: of the background, at errors_left, errors_top; boxes: (n, 5) left, top, right, bottom, reach; motions: (n,
-    2); change: mean error from which the image changed; masks: False; scratch for the largest region: origins: (., 4)
-    int32; with what it reaches to: moved: uint16, over: bool, (.,); spans: (., 2); of two columns more than that:
-    indices: (2, .) uint32, corners: (4, .) uint8, rows: (9, .), sums: (.,) int32.
+    errors: of the background, (H, W); boxes: (n, 5) left, top, right, bottom, reach; flows: (1, gh, gw, 2) of the
+    background; apart: there is one for each region, and errors are scratch, (1, .) uint16 for the largest region with
+    what it reaches to and a pixel more; whole: (1, 1) True; motions: (n, 2); change: mean error from which the image
+    changed; masks: False; scratch for the largest region: origins: (., 4) int32; with what it reaches to: moved:
+    uint16, over: bool, (.,); spans: (., 2); of two columns more than that: indices: (2, .) uint32, corners: (4, .)
+    uint8, rows: (9, .), sums: (.,) int32.
     """
     slack, size = SLACK_PX // 2, current.shape
     for n in range(first, len(boxes), step):
         left, top, right, bottom, reach = boxes[n, 0], boxes[n, 1], boxes[n, 2], boxes[n, 3], boxes[n, 4]
+        still, flow, still_left, still_top = errors, flows[n if apart else 0], 0, 0
+        if apart:
+            still_left, still_top = max(0, left - reach - BESIDE_PX), max(0, top - reach - BESIDE_PX)
+            wide = min(size[1], right + reach + BESIDE_PX) - still_left
+            high = min(size[0], bottom + reach + BESIDE_PX) - still_top
+            still = errors.ravel()[:high * wide].reshape(high, wide)
+            fill_tiles(current, reference, back, still_left, still_top, flow, max(high, wide), whole, 0, 1, indices,
+                       corners, rows, still)
         mask = masks[starts[n]:starts[n + 1]].reshape(bottom - top, right - left)
         gain = gains[starts[n]:starts[n + 1]].reshape(bottom - top, right - left)
         beside_left, beside_top = max(0, left - BESIDE_PX), max(0, top - BESIDE_PX)
         wide, high = min(size[1], right + BESIDE_PX) - beside_left, min(size[0], bottom + BESIDE_PX) - beside_top
-        there = moved[:wide * high].reshape(high, wide)
-        across, down = left - beside_left, top - beside_top
-        _fill_spans(errors, left - errors_left, top - errors_top, across, down, noise, threshold, sums, gain, spans)
+        there, across, down = moved[:wide * high].reshape(high, wide), left - beside_left, top - beside_top
+        _fill_spans(still, left - still_left, top - still_top, across, down, noise, threshold, sums, gain, spans)
         _fill_moved(current, reference, back, beside_left, beside_top, motions[n], indices[0], corners, rows, spans,
                     there)
         _fill_gains(there, across, down, noise, threshold, spans, sums, rows[0], mask, gain)
@@ -57,7 +66,7 @@ def compare(  # type: ignore[no-untyped-def]
         begin, end, above, below = max(left, begin), min(right, end), max(top, above), min(bottom, below)
         wide = end - begin
         for row in range(above, below):
-            row_means(errors, row - errors_top, begin - errors_left, sums, rows[0, :wide])
+            row_means(still, row - still_top, begin - still_left, sums, rows[0, :wide])
             for m in range(wide):
                 over[(row - above) * wide + m] = rows[0, m] > change
         for m in range(count):
@@ -227,8 +236,7 @@ def row_means(errors, row, begin, sums, means):  # type: ignore[no-untyped-def]
         sums[0] = sums[1 + min(1, last)]
     if begin + width > last:
         sums[width + 1] = sums[width - 1 if last > 0 else 1]
-    west, east = sums[:width], sums[2:width + 2]
-    middle = sums[1:width + 1]
+    west, middle, east = sums[:width], sums[1:width + 1], sums[2:width + 2]
     for n in range(width):
         means[n] = np.float64(west[n] + middle[n] + east[n]) * (1.0 / WINDOW_PX ** 2)
 

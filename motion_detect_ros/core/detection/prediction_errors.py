@@ -12,7 +12,7 @@ from motion_detect_ros.core.detection.image_pair import ImagePair
 from motion_detect_ros.core.detection.photometric_kernels import BESIDE_PX, fill_tiles
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.threads import HELPERS
-from motion_detect_ros.core.types import BoolArray, FloatArray
+from motion_detect_ros.core.types import FloatArray
 
 #: Side of the squares of an image in which errors are computed where any is asked for, pixels.
 TILE_PX = 32
@@ -22,47 +22,26 @@ LEAST_TILES = 60
 
 @dataclass(frozen=True)
 class PredictionErrors:
-    """``values``: (h, w) uint16 squared errors of the pixels of ``box``, which holds all that are asked for and those
-    beside them; ``flow``: (gh, gw, 2) beyond the ego-motion on a grid over the image, pixels over the pair, (1, 1, 2)
-    where it is the same everywhere.
+    """``values``: (h, w) uint16 squared errors of the pixels of the current image where they are asked for, and beside;
+    ``flow``: (gh, gw, 2) beyond the ego-motion on a grid over the image, pixels over the pair.
     """
 
     values: npt.NDArray[np.uint16]
-    box: Box
     flow: FloatArray
 
     @classmethod
-    def within(cls, pair: ImagePair, box: Box, flow: FloatArray) -> PredictionErrors:
-        """Those of a box, under a ``flow`` beyond the ego-motion that is the same everywhere, (2,) pixels."""
-        height, width = pair.current.shape
-        box, flow = box.grown(BESIDE_PX, width, height), flow.reshape(1, 1, 2)
-        values = np.empty((box.height, box.width), np.uint16)
-        _fill(pair, box, flow, max(values.shape), np.ones((1, 1), np.bool_), values, 1)
-        return cls(values, box, flow)
-
-    @classmethod
     def near(cls, pair: ImagePair, boxes: Sequence[Box], flow: FloatArray) -> PredictionErrors:
-        """Those of several boxes, under the flow (gh, gw, 2) of a grid over the image, pixels."""
+        """Those of several boxes."""
         height, width = pair.current.shape
         wanted = np.zeros((-(-height // TILE_PX), -(-width // TILE_PX)), np.bool_)
         for box in (each.grown(BESIDE_PX, width, height) for each in boxes):
             wanted[box.top // TILE_PX:-(-box.bottom // TILE_PX), box.left // TILE_PX:-(-box.right // TILE_PX)] = True
-        values = np.empty((height, width), np.uint16)
-        _fill(pair, Box(0, 0, width, height), flow, TILE_PX, wanted, values,
-              HELPERS.parts(int(wanted.sum()), LEAST_TILES))
-        return cls(values, Box(0, 0, width, height), flow)
+        values, parts = np.empty((height, width), np.uint16), HELPERS.parts(int(wanted.sum()), LEAST_TILES)
 
+        def every(first: int) -> None:
+            fill_tiles(*pair.pictures, pair.back, 0, 0, flow, TILE_PX, wanted, first, parts,
+                       np.empty((2, width), np.uint32), np.empty((4, width), np.uint8),
+                       np.empty((9, width), np.float32), values)
 
-def _fill(
-    pair: ImagePair, box: Box, flow: FloatArray, tile_px: int, wanted: BoolArray, values: npt.NDArray[np.uint16],
-    parts: int,
-) -> None:
-    """``values`` of a box where its tiles are ``wanted``; parts: threads."""
-    pictures, back = pair.pictures, pair.back
-
-    def every(first: int) -> None:
-        fill_tiles(*pictures, back, box.left, box.top, flow, tile_px, wanted, first, parts,
-                    np.empty((2, box.width), np.uint32), np.empty((4, box.width), np.uint8),
-                    np.empty((9, box.width), np.float32), values)
-
-    HELPERS.share(every, range(parts))
+        HELPERS.share(every, range(parts))
+        return cls(values, flow)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import cv2
@@ -54,10 +55,15 @@ class Cluster:
     velocity: DoubleArray
     background: DoubleArray
 
-    @property
+    @cached_property
     def side_px(self) -> float:
         """The longer side of the bounds."""
         return float((self.high - self.low).max())
+
+    @cached_property
+    def speed(self) -> float:
+        """Pixels/s."""
+        return float(np.hypot(*self.velocity))
 
 
 def joined(clusters: Sequence[Cluster], points: Points) -> Cluster:

@@ -98,10 +98,11 @@ def objects_of(
         owner[cluster.members] = number
     fitter = BoxFitter(of.points, frames, mask, NearestPoints(places[of.known], owner[of.known]), shadows, config)
     bounds = _figures(clusters, [PointBox.around(cluster.low, cluster.high) for cluster in clusters], known, moving)
-    fitted = [(cluster, fitter.fit(cluster, number)) for number, cluster in enumerate(clusters)
-              if score.log_odds(bounds[number]) >= score.least - UNFITTED_LOG_ODDS]
+    hopeful = [(cluster, number) for number, cluster in enumerate(clusters)
+               if score.log_odds(bounds[number]) >= score.least - UNFITTED_LOG_ODDS]
     allowed = partial(_is_allowed, image_area=shape[0] * shape[1], config=config)
-    found = [(cluster, box) for cluster, box in fitted if box is not None and allowed(box.whole)]
+    found = [(cluster, box) for (cluster, _), box in zip(hopeful, fitter.fit(hopeful), strict=True)
+             if box is not None and allowed(box.whole)]
     if not found:
         return []
     there, boxes = zip(*found, strict=True)

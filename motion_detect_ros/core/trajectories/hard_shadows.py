@@ -15,8 +15,9 @@ import cv2
 import numpy as np
 
 from motion_detect_ros.core.detection.recent_objects import RecentObjects
-from motion_detect_ros.core.trajectories.soft_shadows import BRIGHTEST, DARKEST
-from motion_detect_ros.core.types import BoolArray, DoubleArray, FloatArray, RecordArray
+from motion_detect_ros.core.kernels import kernel
+from motion_detect_ros.core.trajectories.soft_shadows import BRIGHT, DARK
+from motion_detect_ros.core.types import BoolArray, ByteArray, DoubleArray, RecordArray
 
 #: What is narrower than this is a rim of the object or of its shadow, pixels.
 RIM = np.ones((5, 5), np.uint8)
@@ -31,27 +32,66 @@ EXCEPTIONS, MOST = 0.25, 1.0 / 3.0
 EDGE_PX = 1.0
 
 
-def dark_side(own: BoolArray, ratio: FloatArray) -> DoubleArray | None:
+def dark_side(own: BoolArray, tones: ByteArray, left: int, top: int) -> DoubleArray | None:
     """(2,) how much further the dark reaches beyond what is brighter than the ground on the right than on the left, and
     at the bottom than at the top, shares of the width and the height of both; None where too little is brighter.
 
-    own: (h, w) pixels of an object with its shadow, their outline at least; ratio: (h, w) grey values to those of the
-    ground that was there.
+    own: (h, w) pixels of an object with its shadow, their outline at least, at left, top of the image; tones: of the
+    image at half its size, ``SoftShadows.tones``.
     """
-    if not own.any():
+    places = cv2.findNonZero(own.view(np.uint8))
+    if places is None:
         return None
-    outline = cv2.convexHull(np.argwhere(own)[:, ::-1].astype(np.int32))
-    inside = cv2.fillConvexPoly(np.zeros(own.shape, np.uint8), outline, 1)
-    bright, both = (cv2.morphologyEx(inside * pixels, cv2.MORPH_OPEN, RIM)
-                    for pixels in (ratio > BRIGHTEST, (ratio > BRIGHTEST) | (ratio < DARKEST)))
-    if np.count_nonzero(bright) < LEAST_BRIGHT * np.count_nonzero(inside):
-        return None
-    sides = []
-    for axis in (0, 1):
-        whole, counts = np.flatnonzero(both.any(axis=axis)), bright.sum(axis=axis)
-        body = np.flatnonzero(counts > LEAST_LINE * counts.max())
-        sides.append((whole[-1] - body[-1] - (body[0] - whole[0])) / (whole[-1] + 1 - whole[0]))
-    return np.array(sides)
+    inside = cv2.fillConvexPoly(np.zeros(own.shape, np.uint8), cv2.convexHull(places), 1)
+    bright, both = np.empty_like(inside), np.empty_like(inside)
+    least = LEAST_BRIGHT * _fill_marked(inside, tones, left, top, bright, both)
+    bright, both = (cv2.morphologyEx(marked, cv2.MORPH_OPEN, RIM) for marked in (bright, both))
+    sides = np.empty(2)
+    enough = _fill_sides(both, bright, least, np.empty(max(own.shape), np.int64), sides)
+    return sides if enough else None
+
+
+@kernel()
+def _fill_marked(inside, tones, left, top, bright, both):  # type: ignore[no-untyped-def]
+    """``bright``, ``both``: (h, w) 1 where a pixel inside is ``BRIGHT``, and where it is that or ``DARK``; returns the
+    number of those inside.
+    """
+    count = 0
+    for r in range(inside.shape[0]):
+        for c in range(inside.shape[1]):
+            tone = tones[(top + r) // 2, (left + c) // 2] if inside[r, c] else 0
+            bright[r, c], both[r, c] = tone == BRIGHT, tone in (BRIGHT, DARK)
+            count += inside[r, c]
+    return count
+
+
+@kernel(error_model='numpy')
+def _fill_sides(both, bright, least, counts, sides):  # type: ignore[no-untyped-def]
+    """``sides``: (2,) as ``dark_side``; returns False instead for less than ``least`` bright pixels, or none.
+
+    both, bright: (h, w) 0 or 1; counts: scratch, (max(h, w),).
+    """
+    for axis in range(2):
+        first, last, number, most = len(counts), 0, 0, 0
+        for place in range(len(counts)):
+            counts[place] = 0
+        for r in range(both.shape[0]):
+            for c in range(both.shape[1]):
+                place = r if axis else c
+                if both[r, c]:
+                    first, last = min(first, place), max(last, place)
+                counts[place] += bright[r, c]
+                most = max(most, counts[place])
+                number += bright[r, c]
+        if number < least or number == 0:
+            return False
+        begin, end = 0, len(counts) - 1
+        while counts[begin] <= LEAST_LINE * most:
+            begin += 1
+        while counts[end] <= LEAST_LINE * most:
+            end -= 1
+        sides[axis] = (last - end - (begin - first)) / (last + 1 - first)
+    return True
 
 
 class SunSide:

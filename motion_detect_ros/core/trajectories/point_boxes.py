@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from motion_detect_ros.core.config import ObjectsConfig
 from motion_detect_ros.core.detection.image_pair import ImagePair, image_noise
-from motion_detect_ros.core.detection.photometric import Place, photometric_tests, reach_px
-from motion_detect_ros.core.detection.prediction_errors import PredictionErrors
+from motion_detect_ros.core.detection.photometric import (
+    PhotometricTest,
+    PhotometricTests,
+    Place,
+    photometric_tests_apart,
+    reach_px,
+)
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.geometry.order_statistics import median
 from motion_detect_ros.core.geometry.warp import grid_points
@@ -63,7 +69,7 @@ class FittedBox:
 
 
 class BoxFitter:
-    """Fits boxes in one frame; image pairs are shared by clusters of the same speed."""
+    """Fits boxes in one frame; clusters of the same speed are tested together, on the same pair of images."""
 
     def __init__(
         self, points: Points, frames: RecentFrames, mask: BoolArray | None, nearest: NearestPoints,
@@ -71,40 +77,48 @@ class BoxFitter:
     ) -> None:
         self._points, self._frames, self._mask = points, frames, mask
         self._nearest, self._shadows, self._config = nearest, shadows, config
-        self._pairs: dict[int, tuple[ImagePair, float]] = {}
 
-    def fit(self, cluster: Cluster, number: int) -> FittedBox | None:
-        """Box of a cluster, None where the images do not support it. number: its own in ``nearest``; -1 = still."""
-        height, width = self._frames[0].gray.shape
-        speed, side_px = float(np.hypot(*cluster.velocity)), cluster.side_px
-        ago = self._frames.nearest(OWN_MOTION_PX / max(speed, 1e-3))
-        pair, noise_gray = self._pair(ago)
-        background, motion = self._motions(cluster, ago)
-        region = _region(cluster, side_px, width, height)
-        reach = reach_px(motion - background)
-        still = PredictionErrors.within(pair, region.grown(reach, width, height), background)
-        test = photometric_tests(pair, still, [Place(region, reach, motion)], noise_gray,
-                                 self._config.photometric_sigma)[0]
-        places = self._points.now[cluster.members]
+    def fit(self, clusters: Sequence[tuple[Cluster, int]]) -> list[FittedBox | None]:
+        """Boxes of clusters, None where the images do not support one; each with its own number in ``nearest``, -1 = it
+        stands still.
+        """
+        alike: dict[int, list[int]] = {}
+        for place, (cluster, _) in enumerate(clusters):
+            alike.setdefault(self._frames.nearest(OWN_MOTION_PX / max(cluster.speed, 1e-3)), []).append(place)
+        boxes: list[FittedBox | None] = [None] * len(clusters)
+        for ago, places in alike.items():
+            tests, regions = self._tests([clusters[place][0] for place in places], ago)
+            for number, place in enumerate(places):
+                boxes[place] = self._box(*clusters[place], tests[number], regions[number])
+        return boxes
+
+    def _tests(self, clusters: Sequence[Cluster], ago: int) -> tuple[PhotometricTests, list[Box]]:
+        """Of the region around each, on the current frame and the one ``ago`` frames earlier; and the regions."""
+        earlier, current = self._frames[ago], self._frames[0].gray
+        height, width = current.shape
+        pair = ImagePair(current, earlier.gray, earlier.matrix, self._mask)
+        samples = grid_points(NOISE_ROWS, NOISE_COLUMNS, width, height)
+        noise_gray = image_noise(pair, samples, np.zeros(samples.shape, np.float32))
+        motions = [self._motions(cluster, ago) for cluster in clusters]
+        places = [Place(_region(cluster, width, height), reach_px(motion - background), motion)
+                  for cluster, (background, motion) in zip(clusters, motions, strict=True)]
+        tests = photometric_tests_apart(pair, [background for background, _ in motions], places, noise_gray,
+                                        self._config.photometric_sigma)
+        return tests, [place.region for place in places]
+
+    def _box(self, cluster: Cluster, number: int, test: PhotometricTest, region: Box) -> FittedBox | None:
+        """test: of the region."""
+        places, side_px = self._points.now[cluster.members], cluster.side_px
         self._nearest.keep_own(test.foreground, region, places, number, max(REACH_PX, REACH_SHARE * side_px))
         strong = strong_pixels(test, places, region, self._config)
         if strong is None:
             return None
-        soft = self._shadows.of(strong, region, speed, side_px)
+        soft = self._shadows.of(strong, region, cluster.speed, side_px)
         whole, solid = outlines(strong, soft, places, region)
         box, dark = _box(whole, region), None
-        if self._shadows.ground_known(speed, side_px):
-            dark = dark_side(strong & ~soft, self._shadows.ratio(region))
+        if self._shadows.ground_known(cluster.speed, side_px):
+            dark = dark_side(strong & ~soft, self._shadows.tones, region.left, region.top)
         return FittedBox(box, _box(solid, region) if solid else box, dark)
-
-    def _pair(self, ago: int) -> tuple[ImagePair, float]:
-        """Current frame and the one ``ago``, and their image noise."""
-        if ago not in self._pairs:
-            earlier, current = self._frames[ago], self._frames[0].gray
-            pair = ImagePair(current, earlier.gray, earlier.matrix, self._mask)
-            samples = grid_points(NOISE_ROWS, NOISE_COLUMNS, current.shape[1], current.shape[0])
-            self._pairs[ago] = pair, image_noise(pair, samples, np.zeros(samples.shape, np.float32))
-        return self._pairs[ago]
 
     def _motions(self, cluster: Cluster, ago: int) -> tuple[FloatArray, FloatArray]:
         """(2,) motion of the background and of the cluster beyond the ego-motion since ``ago``, pixels."""
@@ -127,10 +141,10 @@ def _box(of: Outline, region: Box) -> PointBox:
                     of.number)
 
 
-def _region(cluster: Cluster, side_px: float, width: int, height: int) -> Box:
+def _region(cluster: Cluster, width: int, height: int) -> Box:
     (left, top), (right, bottom) = cluster.low.tolist(), cluster.high.tolist()
     return Box(math.floor(left), math.floor(top), math.ceil(right) + 1, math.ceil(bottom) + 1).grown(
-        int(max(MARGIN_PX, MARGIN_SHARE * side_px)), width, height)
+        int(max(MARGIN_PX, MARGIN_SHARE * cluster.side_px)), width, height)
 
 
 @kernel(error_model='numpy')

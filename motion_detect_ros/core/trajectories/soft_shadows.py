@@ -16,10 +16,12 @@ from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.kernels import kernel
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
-from motion_detect_ros.core.types import BoolArray, ByteArray, FloatArray
+from motion_detect_ros.core.types import BoolArray, ByteArray
 
 #: Ratio of the grey values of soft shadows to those of the ground; added to both, grey levels: dark ones are noisy.
 DARKEST, BRIGHTEST, BLACK_GRAY = 0.74, 1.05, 4.0
+#: What such a ratio tells of a pixel: the ground shows through, it is brighter, it is darker.
+FAINT, BRIGHT, DARK = 1, 2, 3
 #: The ground is known where an object has gone its longer side and so many pixels since.
 BEYOND_PX = 4.0
 #: Pixels this close to the object are its own: what people draw, and the window of a point, reach a little beyond it.
@@ -46,31 +48,21 @@ class SoftShadows:
         if not self.ground_known(speed_px_s, side_px):
             return shadow
         body = np.empty(own.shape, np.uint8)
-        number = _hiding(own, self._faint, region.left, region.top, body)
-        left = number - _showing(own, self._faint, region.left, region.top, cv2.dilate(body, MARGIN), shadow)
+        number = _hiding(own, self.tones, region.left, region.top, body)
+        left = number - _showing(own, self.tones, region.left, region.top, cv2.dilate(body, MARGIN), shadow)
         return shadow if left >= LEAST_SHARE * number else np.zeros_like(own)
 
     def ground_known(self, speed_px_s: float, side_px: float) -> bool:
         """Whether an object, as in ``of``, has left the place where it was in the oldest frame."""
         return speed_px_s * self._seconds >= side_px + BEYOND_PX
 
-    def ratio(self, region: Box) -> FloatArray:
-        """(h, w) grey values to those of the ground that was there, of a region on the image."""
-        rows, columns = (region.top + np.arange(region.height)) // 2, (region.left + np.arange(region.width)) // 2
-        places = np.ix_(rows, columns)
-        return _ratio(self._frames[0].half[places], self._ground[places])
-
-    @property
-    def _ground(self) -> ByteArray:
-        """(ceil(h / 2), ceil(w / 2)) what the oldest frame shows."""
-        return self._frames.earlier_half(self._oldest)
-
     @cached_property
-    def _faint(self) -> BoolArray:
-        """(ceil(h / 2), ceil(w / 2)) where the ground shows through."""
-        ratio = _ratio(self._frames[0].half, self._ground)
-        faint: BoolArray = (ratio > DARKEST) & (ratio < BRIGHTEST)
-        return faint
+    def tones(self) -> ByteArray:
+        """(ceil(h / 2), ceil(w / 2)) the image at half its size: where it is ``FAINT``, ``BRIGHT`` and ``DARK``."""
+        now = self._frames[0].half
+        tones = np.empty_like(now)
+        _fill_tones(now, self._frames.earlier_half(self._oldest), tones)
+        return tones
 
 
 def without_shadow(candidate: Candidate, shadows: SoftShadows, scale: float, width: int, height: int) -> Candidate:
@@ -91,31 +83,41 @@ def without_shadow(candidate: Candidate, shadows: SoftShadows, scale: float, wid
     return replace(candidate, centre=(low + high) / 2.0, size=high - low)
 
 
-def _ratio(now: ByteArray, before: ByteArray) -> FloatArray:
-    ratio: FloatArray = (now + np.float32(BLACK_GRAY)) / (before + np.float32(BLACK_GRAY))
-    return ratio
+@kernel(error_model='numpy')
+def _fill_tones(now, before, tones):  # type: ignore[no-untyped-def]
+    """``tones``: (h, w) of grey values against those before, 0 at the limits between them."""
+    black, darkest, brightest = np.float32(BLACK_GRAY), np.float32(DARKEST), np.float32(BRIGHTEST)
+    for r in range(now.shape[0]):
+        for c in range(now.shape[1]):
+            ratio = (np.float32(now[r, c]) + black) / (np.float32(before[r, c]) + black)
+            if ratio > brightest:
+                tones[r, c] = BRIGHT
+            elif ratio < darkest:
+                tones[r, c] = DARK
+            else:
+                tones[r, c] = FAINT if darkest < ratio < brightest else 0
 
 
 @kernel()
-def _hiding(own, faint, left, top, body):  # type: ignore[no-untyped-def]
+def _hiding(own, tones, left, top, body):  # type: ignore[no-untyped-def]
     """``body``: (h, w) 1 where ``own`` is and the ground does not show through; returns the number of ``own``.
 
-    faint: (H, W) where it does, at half the size of the image; the other masks are at left, top of it.
+    tones: (H, W) at half the size of the image; the masks are at left, top of it.
     """
     count = 0
     for r in range(own.shape[0]):
         for c in range(own.shape[1]):
             count += own[r, c]
-            body[r, c] = own[r, c] and not faint[(top + r) // 2, (left + c) // 2]
+            body[r, c] = own[r, c] and tones[(top + r) // 2, (left + c) // 2] != FAINT
     return count
 
 
 @kernel()
-def _showing(own, faint, left, top, body, shadow):  # type: ignore[no-untyped-def]
+def _showing(own, tones, left, top, body, shadow):  # type: ignore[no-untyped-def]
     """``shadow``: (h, w) where the ground shows through and no ``body`` is; returns how many of them are of ``own``."""
     count = 0
     for r in range(own.shape[0]):
         for c in range(own.shape[1]):
-            shadow[r, c] = faint[(top + r) // 2, (left + c) // 2] and not body[r, c]
+            shadow[r, c] = tones[(top + r) // 2, (left + c) // 2] == FAINT and not body[r, c]
             count += shadow[r, c] and own[r, c]
     return count

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -23,6 +24,7 @@ from motion_detect_ros.core.detection.photometric import (
     PhotometricTests,
     Place,
     photometric_tests,
+    photometric_tests_apart,
     reach_px,
 )
 from motion_detect_ros.core.detection.photometric_kernels import row_means
@@ -80,15 +82,10 @@ def photometric_test(
     pair: ImagePair, places: list[Place], flow: np.ndarray, noise_gray: float, threshold: float, parts: int = 1,
 ) -> list[PhotometricTest]:
     """Of several places, before a background of this flow: (2,), or (gh, gw, 2) of a grid over the picture."""
-    height, width = pair.current.shape
-    windows = [each.region.grown(each.reach, width, height) for each in places]
     if flow.ndim == 1:
-        window = windows[0]
-        for each in windows[1:]:
-            window = window.union(each)
-        background = PredictionErrors.within(pair, window, flow)
-    else:
-        background = PredictionErrors.near(pair, windows, flow)
+        return list(photometric_tests_apart(pair, [flow] * len(places), places, noise_gray, threshold))
+    height, width = pair.current.shape
+    background = PredictionErrors.near(pair, [each.region.grown(each.reach, width, height) for each in places], flow)
     return list(photometric_tests(pair, background, places, noise_gray, threshold, parts))
 
 
@@ -272,7 +269,7 @@ def test_errors_near_boxes_are_those_of_the_definition(
     grid = np.random.default_rng(6).normal(0.0, 3.0, (ROWS, COLUMNS, 2)).astype(np.float32)
     with limited(threads):
         found = PredictionErrors.near(pair, BOXES[1:], grid)
-    x, y = pixels(found.box)
+    x, y = pixels(Box(0, 0, WIDTH, HEIGHT))
     expected = errors(pair, x, y, bilinear_grid(grid)) ** 2
     for box in (each.grown(1, WIDTH, HEIGHT) for each in BOXES[1:]):
         inside = np.s_[box.top:box.bottom, box.left:box.right]
@@ -280,12 +277,22 @@ def test_errors_near_boxes_are_those_of_the_definition(
         assert off.max() <= 1.0 and (off > 0.0).mean() < 0.02  # grey values half-way are rounded up or down
 
 
-def test_errors_within_a_box_are_those_of_the_definition(pair: ImagePair) -> None:
-    found = PredictionErrors.within(pair, BOXES[1], MOTION)
-    assert found.box == BOXES[1].grown(1, WIDTH, HEIGHT)
-    x, y = pixels(found.box)
-    off = np.sqrt(found.values.astype(float)) - np.abs(errors(pair, x, y, MOTION.astype(float)))
-    assert np.abs(off).max() <= 1.0 and (off != 0.0).mean() < 0.02
+def test_each_region_is_tested_before_a_background_of_its_own(pair: ImagePair) -> None:
+    """Each as alone, also where they overlap; of one of them a row is masked."""
+    mask = pair.mask.copy()
+    mask[BOXES[1].top + 2] = False
+    masked = replace(pair, mask=mask)
+    places = [Place(box, 4, MOTION) for box in (*BOXES, BOXES[1])]
+    flows = list(np.random.default_rng(8).normal(0.0, 1.5, (len(places), 2)).astype(np.float32))
+    together = list(photometric_tests_apart(masked, flows, places, 3.0, 3.0))
+    for found, place, flow in zip(together, places, flows, strict=True):
+        expected, = photometric_tests_apart(pair, [flow], [place], 3.0, 3.0)
+        np.testing.assert_array_equal(found.gain, expected.gain)
+        region = place.region
+        np.testing.assert_array_equal(
+            found.foreground, expected.foreground & mask[region.top:region.bottom, region.left:region.right])
+    assert sum(found.foreground.any() for found in together) > len(BOXES) // 2
+    assert (together[1].foreground != together[-1].foreground).any()
 
 
 @pytest.mark.parametrize(('rows', 'columns'), [(1, 1), (1, 7), (7, 1), (2, 2), (9, 14)])

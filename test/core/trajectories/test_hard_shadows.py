@@ -9,6 +9,7 @@ from warps import blocks
 from motion_detect_ros.core.pipeline import MotionPipeline
 from motion_detect_ros.core.settings import with_settings
 from motion_detect_ros.core.trajectories.hard_shadows import SunSide, dark_side
+from motion_detect_ros.core.trajectories.soft_shadows import BRIGHT, DARK, FAINT
 from motion_detect_ros.core.types import empty_detections
 from motion_detect_ros.presets import load_preset
 
@@ -33,39 +34,47 @@ def picture(body: slice = slice(0, 30), dark: slice = slice(30, 50)) -> tuple[np
     return own, ratio
 
 
+def side(own: np.ndarray, ratio: np.ndarray) -> np.ndarray | None:
+    """Of an object some pixels to the right and below the corner of the image."""
+    tones = np.zeros((50, 60), np.uint8)
+    there = tones[4:4 + ratio.shape[0] // 2, 2:2 + ratio.shape[1] // 2]
+    there[:] = np.select([ratio[::2, ::2] > 1.05, ratio[::2, ::2] < 0.74], [BRIGHT, DARK], FAINT)
+    return dark_side(own, tones, 4, 8)
+
+
 class TestDarkSide:
     def test_below_the_object_is_at_its_bottom(self) -> None:
-        assert dark_side(*picture()).tolist() == pytest.approx([0.0, 20 / 50])
+        assert side(*picture()).tolist() == pytest.approx([0.0, 20 / 50])
 
     def test_above_it_is_at_its_top(self) -> None:
-        assert dark_side(*picture(body=slice(20, 50), dark=slice(0, 20))).tolist() == pytest.approx([0.0, -20 / 50])
+        assert side(*picture(body=slice(20, 50), dark=slice(0, 20))).tolist() == pytest.approx([0.0, -20 / 50])
 
     def test_beside_it_is_at_that_side(self) -> None:
         own, ratio = picture()
-        assert dark_side(own.T, ratio.T).tolist() == pytest.approx([20 / 50, 0.0])
+        assert side(own.T, ratio.T).tolist() == pytest.approx([20 / 50, 0.0])
 
     def test_windows_are_on_no_side(self) -> None:
         own, ratio = picture(body=slice(0, 50), dark=slice(0, 0))
         ratio[30:36, 20:60] = 0.3
-        assert dark_side(own, ratio).tolist() == [0.0, 0.0]
+        assert side(own, ratio).tolist() == [0.0, 0.0]
 
     def test_bright_rims_are_no_part_of_the_object(self) -> None:
         """Where a picture is sharpened, or the ground not met exactly, there is a bright line beside the shadow."""
         own, ratio = picture()
-        ratio[57:60, 10:70] = ratio[40:60, 10:13] = ratio[40:60, 67:70] = 1.5
-        assert dark_side(own, ratio).tolist() == pytest.approx([0.0, 20 / 50])
+        ratio[56:60, 10:70] = ratio[40:60, 10:14] = ratio[40:60, 66:70] = 1.5
+        assert side(own, ratio).tolist() == pytest.approx([0.0, 20 / 50])
 
     def test_what_is_as_bright_as_the_ground_is_on_no_side(self) -> None:
-        assert dark_side(*picture(body=slice(10, 50), dark=slice(0, 0))).tolist() == [0.0, 0.0]
+        assert side(*picture(body=slice(10, 50), dark=slice(0, 0))).tolist() == [0.0, 0.0]
 
     @pytest.mark.parametrize('grey', [0.3, 1.0])
     def test_nothing_bright_says_nothing(self, grey: float) -> None:
         own, ratio = picture()
-        assert dark_side(own, np.full_like(ratio, grey)) is None
+        assert side(own, np.full_like(ratio, grey)) is None
 
     def test_no_pixels_say_nothing(self) -> None:
         own, ratio = picture()
-        assert dark_side(np.zeros_like(own), ratio) is None
+        assert side(np.zeros_like(own), ratio) is None
 
 
 def sides(*bottom: float) -> list[np.ndarray]:

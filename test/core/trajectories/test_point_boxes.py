@@ -14,7 +14,7 @@ from motion_detect_ros.core.trajectories.own_pixels import NearestPoints
 from motion_detect_ros.core.trajectories.point_boxes import BoxFitter
 from motion_detect_ros.core.trajectories.points import Points
 from motion_detect_ros.core.trajectories.recent_frames import RecentFrames
-from motion_detect_ros.core.trajectories.soft_shadows import SoftShadows
+from motion_detect_ros.core.trajectories.soft_shadows import BRIGHT, FAINT, SoftShadows
 from motion_detect_ros.core.trajectories.strong_pixels import outlines, strong_pixels
 from motion_detect_ros.core.types import EgoMotion, EgoStatus, PreparedFrame
 
@@ -128,7 +128,7 @@ def test_soft_shadow_is_where_the_ground_shows_through_beyond_the_body(corner: t
     random = np.random.default_rng(4)
     faint = cv2.GaussianBlur(random.normal(0.0, 1.0, (70, 90)), (0, 0), 3.0) > -0.05
     shadows = SoftShadows.__new__(SoftShadows)
-    shadows.__dict__.update(_seconds=1.0, _faint=faint)
+    shadows.__dict__.update(_seconds=1.0, tones=np.where(faint, FAINT, BRIGHT))
     region = Box(corner[0], corner[1], corner[0] + 77, corner[1] + 63)
     own = cv2.GaussianBlur(random.normal(0.0, 1.0, (63, 77)), (0, 0), 4.0) > 0.0
     there = np.kron(faint, np.ones((2, 2), bool))[region.top:region.bottom, region.left:region.right]
