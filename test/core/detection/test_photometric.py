@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from dataclasses import replace
 
@@ -14,6 +15,7 @@ from motion_detect_ros.core.background.planar import Background
 from motion_detect_ros.core.config import ObjectsConfig
 from motion_detect_ros.core.detection import objects, prediction_errors
 from motion_detect_ros.core.detection import segment_patches as segment_patches_module
+from motion_detect_ros.core.detection.candidate import Candidate
 from motion_detect_ros.core.detection.enlarging import enlarge_row, find_columns
 from motion_detect_ros.core.detection.image_pair import ImagePair, image_noise
 from motion_detect_ros.core.detection.motion_field import MotionField
@@ -33,6 +35,7 @@ from motion_detect_ros.core.detection.segment_patches import CellEdges, JoinLimi
 from motion_detect_ros.core.detection.segments import Segment
 from motion_detect_ros.core.geometry.boxes import Box
 from motion_detect_ros.core.threads import limited
+from motion_detect_ros.core.tracking.track import MISS_LOG_ODDS
 
 HEIGHT, WIDTH, ROWS, COLUMNS = 90, 130, 23, 33
 MATRIX = np.array([[1.01, -0.02, 3.3], [0.02, 1.01, -2.6], [2e-5, -1e-5, 1.0]])
@@ -145,24 +148,42 @@ def squares(now: Box, step: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
     return pictures[0], pictures[1]
 
 
+def of_square(
+    now: Box, step: tuple[int, int], sigma_px: float = 1.0, beyond: int = 0, still: float = 0.0,
+) -> list[Candidate]:
+    """What is found of a square that has moved by a step. sigma_px: deviation of the flow; beyond: so many cells around
+    the square have its flow too; still: flow of the others, NaN = unknown.
+    """
+    pictures = squares(now, step)
+    residual = np.full((HEIGHT // 5, WIDTH // 5, 2), still, np.float32)
+    residual[now.top // 5 - beyond:now.bottom // 5 + beyond, now.left // 5 - beyond:now.right // 5 + beyond] = step
+    rows, columns = np.nonzero((residual == step).all(axis=2))
+    segment = Segment(rows, columns, 1, Box(columns.min(), rows.min(), columns.max() + 1, rows.max() + 1))
+    sigma = np.full(residual.shape[:2], sigma_px, np.float32)
+    field_of_it = MotionField(residual, Background(np.zeros_like(residual), sigma), 0.04, 1.0)
+    pair = ImagePair(pictures[1], pictures[0], np.eye(3))
+    return ObjectFinder(ObjectsConfig()).find([segment], field_of_it, pair, np.arange(2, dtype=np.uint32), 0)
+
+
 @pytest.mark.parametrize('step', [(6, 0), (16, 0), (-16, 0), (0, 30), (-21, 21)])
 def test_every_pixel_of_a_fast_square_is_foreground(step: tuple[int, int]) -> None:
     """A square of 20 px that moves up to one and a half times its size between the frames; its flow is known."""
     now = Box(55, 35, 75, 55).moved(*step)
-    pictures = squares(now, step)
-    residual = np.zeros((HEIGHT // 5, WIDTH // 5, 2), np.float32)
-    cells = np.s_[now.top // 5:now.bottom // 5, now.left // 5:now.right // 5]
-    residual[cells] = step
-    rows, columns = np.nonzero(residual.any(axis=2))
-    segment = Segment(rows, columns, 1, Box(columns.min(), rows.min(), columns.max() + 1, rows.max() + 1))
-    sigma = np.ones(residual.shape[:2], np.float32)
-    grid = MotionField(residual, Background(np.zeros_like(residual), sigma), 0.04, 1.0)
-    pair = ImagePair(pictures[1], pictures[0], np.eye(3))
-    found = ObjectFinder(ObjectsConfig()).find([segment], grid, pair, np.arange(2, dtype=np.uint32), 0)
-    assert len(found) == 1
-    np.testing.assert_allclose(found[0].centre, [(now.left + now.right) / 2, (now.top + now.bottom) / 2], atol=1.5)
-    np.testing.assert_allclose(found[0].size, 20.0, atol=4.5)  # averaging and closing add to a small box
-    assert found[0].area > 0.7 * 400  # the weakest of the gain are taken for shadow
+    found, = of_square(now, step)
+    np.testing.assert_allclose(found.centre, [(now.left + now.right) / 2, (now.top + now.bottom) / 2], atol=1.5)
+    np.testing.assert_allclose(found.size, 20.0, atol=4.5)  # averaging and closing add to a small box
+    assert found.area > 0.7 * 400  # the weakest of the gain are taken for shadow
+
+
+def test_what_says_less_than_a_miss_is_no_candidate() -> None:
+    """Where hardly any flow is known around a square, and the more it deviates: by the same for each doubling."""
+    found = [of_square(Box(61, 35, 81, 55), (6, 0), 0.1 * 2.0 ** doublings, 1, math.nan) for doublings in range(9)]
+    odds = [each.log_odds for candidates in found for each in candidates]
+    steps = np.diff(odds)
+    assert 2 <= len(odds) < len(found)
+    assert not any(found[len(odds):])
+    np.testing.assert_allclose(steps, steps[0], rtol=1e-3)
+    assert odds[-1] >= MISS_LOG_ODDS > odds[-1] + steps[0]
 
 
 def test_segments_are_the_same_by_two_threads(monkeypatch: pytest.MonkeyPatch) -> None:
