@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -37,7 +38,8 @@ class Planner:
 
     The player shows on ``/clock`` when an image was recorded just before it publishes the image: that is where latency
     counts from. Which image that is, ``expect`` tells, as the stamp of an image is not the time of its recording.
-    Arrivals are as the middleware noted them: a thread that runs late handles an answer before its tick, or both late.
+    A tick counts from its arrival as the middleware noted it, as a thread that runs late handles it late, or after the
+    answer; an answer counts when it is handled.
     """
 
     def __init__(self, domain_id: int, namespace: str = '') -> None:
@@ -173,11 +175,12 @@ class Planner:
                                      if key.startswith(SUBSCRIBERS_OF)}
                 self._counters[node] = {key: int(said[key]) for key in COUNTERS if key in said}
 
-    def _on_detections(self, msg: Any, info: Mapping[str, int]) -> None:
-        stamp, records = stamp_ns(msg.header), DETECTIONS.from_msg(msg)
+    def _on_detections(self, msg: Any) -> None:
+        arrived_ns, stamp = time.time_ns(), stamp_ns(msg.header)  # by the clock of the middleware
+        records = DETECTIONS.from_msg(msg)
         with self._changed:
             self._received.append(Received(stamp, records, math.nan, msg.header.frame_id))
-            self._arrived_ns.append(info['received_timestamp'])
+            self._arrived_ns.append(arrived_ns)
             self._answered = max(self._answered, self._place_of.get(stamp, 0))
             self._changed.notify_all()
         self.watch()

@@ -26,11 +26,8 @@ BETWEEN_S = 1.0
 CLOCK_OF = {100: 1, 200: 2, 300: 3}
 
 
-def test_latency_is_between_arrivals_however_late_they_are_handled():
-    """The planner is held up when the clock shows 2, and an answer, until it is let go; both wait for it then.
-
-    Of two messages that wait, the executor takes the answer first.
-    """
+def test_latency_counts_from_a_tick_that_is_handled_after_its_answer():
+    """The planner is held up while the clock shows 2 and the answer comes: of the two it takes the answer first."""
     domain, let_go = own_domain(), threading.Event()
     with Planner(domain) as planner, contextlib.closing(Peer(domain)) as peer:
         ticks = peer.advertise(CLOCK.kind, CLOCK.name)
@@ -50,14 +47,14 @@ def test_latency_is_between_arrivals_however_late_they_are_handled():
         time.sleep(BETWEEN_S)
         answers.publish(answer(200))
         time.sleep(BETWEEN_S)
-        longest_ms = 1e3 * (time.monotonic() - start)
         let_go.set()
         assert planner.wait_for(3, 60.0)
+        longest_ms = 1e3 * (time.monotonic() - start)
         assert peer.until(lambda: planner.published == 2)
     without, late = planner.received[1:]
     assert (without.stamp_ns, late.stamp_ns) == (300, 200)
     assert math.isnan(without.latency_ms)
-    assert 1e3 * BETWEEN_S / 2 < late.latency_ms < longest_ms
+    assert 1e3 * BETWEEN_S < late.latency_ms < longest_ms
 
 
 def answer(stamp_ns):
