@@ -54,8 +54,7 @@ class Planner:
         self._changed = threading.Condition()
         self._clock_of: dict[int, int] = {}
         self._shown_ns: dict[int, int] = {}
-        self._received: list[Received] = []
-        self._arrived_ns: list[int] = []
+        self._received: list[tuple[Received, int]] = []  # and when each was handled, ns
         self._found: dict[str, dict[str, int]] = {}
         self._counters: dict[str, dict[str, int]] = {}
         self._place_at: dict[int, int] = {}
@@ -80,7 +79,7 @@ class Planner:
         """Everything so far, in the order of arrival."""
         with self._changed:
             return [replace(message, latency_ms=self._since_image_ms(message.stamp_ns, arrived_ns))
-                    for message, arrived_ns in zip(self._received, self._arrived_ns, strict=True)]
+                    for message, arrived_ns in self._received]
 
     @property
     def answers(self) -> int:
@@ -113,7 +112,6 @@ class Planner:
         """
         with self._changed:
             self._received.clear()
-            self._arrived_ns.clear()
             self._shown_ns.clear()
             self._clock_of = dict(clock_of)
             asked = [stamp for stamp in clock_of if wanted is None or stamp in wanted]
@@ -179,8 +177,7 @@ class Planner:
         arrived_ns, stamp = time.time_ns(), stamp_ns(msg.header)  # by the clock of the middleware
         records = DETECTIONS.from_msg(msg)
         with self._changed:
-            self._received.append(Received(stamp, records, math.nan, msg.header.frame_id))
-            self._arrived_ns.append(arrived_ns)
+            self._received.append((Received(stamp, records, math.nan, msg.header.frame_id), arrived_ns))
             self._answered = max(self._answered, self._place_of.get(stamp, 0))
             self._changed.notify_all()
         self.watch()

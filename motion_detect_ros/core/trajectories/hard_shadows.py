@@ -71,8 +71,14 @@ def _fill_sides(both, bright, least, counts, sides):  # type: ignore[no-untyped-
 
     both, bright: (h, w) 0 or 1; counts: scratch, (max(h, w),).
     """
+    number = 0
+    for r in range(bright.shape[0]):
+        for c in range(bright.shape[1]):
+            number += bright[r, c]
+    if number < least or number == 0:
+        return False
     for axis in range(2):
-        first, last, number, most = len(counts), 0, 0, 0
+        first, last, most = len(counts), 0, 0
         for place in range(len(counts)):
             counts[place] = 0
         for r in range(both.shape[0]):
@@ -82,9 +88,6 @@ def _fill_sides(both, bright, least, counts, sides):  # type: ignore[no-untyped-
                     first, last = min(first, place), max(last, place)
                 counts[place] += bright[r, c]
                 most = max(most, counts[place])
-                number += bright[r, c]
-        if number < least or number == 0:
-            return False
         begin, end = 0, len(counts) - 1
         while counts[begin] <= LEAST_LINE * most:
             begin += 1

@@ -79,17 +79,15 @@ class BoxFitter:
         self._nearest, self._shadows, self._config = nearest, shadows, config
 
     def fit(self, clusters: Sequence[tuple[Cluster, int]]) -> list[FittedBox | None]:
-        """Boxes of clusters, None where the images do not support one; each with its own number in ``nearest``, -1 = it
-        stands still.
-        """
+        """Boxes of clusters, None where the images do not support one. With each cluster its number in ``nearest``."""
         alike: dict[int, list[int]] = {}
         for place, (cluster, _) in enumerate(clusters):
             alike.setdefault(self._frames.nearest(OWN_MOTION_PX / max(cluster.speed, 1e-3)), []).append(place)
         boxes: list[FittedBox | None] = [None] * len(clusters)
         for ago, places in alike.items():
             tests, regions = self._tests([clusters[place][0] for place in places], ago)
-            for number, place in enumerate(places):
-                boxes[place] = self._box(*clusters[place], tests[number], regions[number])
+            for n, place in enumerate(places):
+                boxes[place] = self._box(*clusters[place], tests[n], regions[n])
         return boxes
 
     def _tests(self, clusters: Sequence[Cluster], ago: int) -> tuple[PhotometricTests, list[Box]]:
